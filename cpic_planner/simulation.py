@@ -6,10 +6,11 @@ size of its frames. Every finished sequence is kept, the rest is done when it is
 
 import dataclasses
 import math
+import operator
 import os
 import shutil
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 from types import MappingProxyType
@@ -32,7 +33,7 @@ from cpic_core import (
 from cpic_planner import results
 from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, pace, run
 from cpic_planner.queries import called, called_as
-from cpic_planner.validation import modelling_record
+from cpic_planner.validation import Cube, CubeKind, calibrated_cube, cube_files, modelling_record
 from cpic_planner.version import __version__
 from simulator import config, observing, products
 from simulator.camera import Frame
@@ -466,7 +467,7 @@ def with_calibrations(
     frames : int
         Frames of each of these sequences.
     off_mask_arcsec : tuple of float
-        Place of the star from the centre of the mask, x and y.
+        Place of the star from the centre of the mask, x and y, rounded to whole pixels.
 
     Raises
     ------
@@ -488,18 +489,20 @@ def with_calibrations(
             added.append(own | {"kind": "DARK", "em_gain": entry.em_gain, "exposure_s": entry.exposure_s})
         added.append(shared | {"kind": "FLAT", "band": entry.band, "exposure_s": (1.0,)})
         for band in entry.band:
-            peak_e_s = _off_mask_peak_e_s(entry, band, off_mask_arcsec)
+            scale = entry.instrument.pixel_scale_arcsec(band)
+            star = tuple(round(offset / scale) * scale for offset in off_mask_arcsec)
+            peak_e_s = _off_mask_peak_e_s(entry, band, star)
             for gain in entry.em_gain:
                 limit_e = _limit_e(entry.instrument.channel_of(band).detector, gain)
                 exposure_s = min(_rounded_down(FILLED * limit_e / peak_e_s), max(entry.exposure_s))
-                place = {"star_offset_arcsec": off_mask_arcsec, "exposure_s": (exposure_s,)}
+                place = {"star_offset_arcsec": star, "exposure_s": (exposure_s,)}
                 added.append(shared | sky | place | {"band": (band,), "em_gain": (gain,)})
     unlike = [item for number, item in enumerate(added) if item not in added[:number]]
     entries = [config.validate(SequenceConfig, item) for item in unlike]
     return simulation.model_copy(update={"sequences": (*simulation.sequences, *entries)})
 
 
-def _off_mask_peak_e_s(entry: SequenceConfig, band: str, off_mask_arcsec: tuple[float, float]) -> float:
+def _off_mask_peak_e_s(entry: SequenceConfig, band: str, off_mask_arcsec: tuple[float, ...]) -> float:
     """Return the rate of the brightest pixel with the star off the mask, electrons per second."""
     seen = observing.observe(
         cast(Scene, entry.scene),
@@ -509,7 +512,7 @@ def _off_mask_peak_e_s(entry: SequenceConfig, band: str, off_mask_arcsec: tuple[
         fidelity=entry.fidelity,
         role="calibration",
         kind="CALS",
-        star_offset_arcsec=off_mask_arcsec,
+        star_offset_arcsec=cast(Any, off_mask_arcsec),
     )
     active = entry.instrument.detector_of(band).sections["active"]
     x, y = seen.truth.x_pixel[0], seen.truth.y_pixel[0]
@@ -730,7 +733,12 @@ RESULT_VERSION = 4
 
 
 def simulation_job(
-    planned: Sequence[PlannedSequence], simulation: SimulationConfig, *, truth: bool, notes: Sequence[str] = ()
+    planned: Sequence[PlannedSequence],
+    simulation: SimulationConfig,
+    *,
+    truth: bool,
+    notes: Sequence[str] = (),
+    cubes: Sequence[CubeKind] = (),
 ) -> Job[results.SimulationResult]:
     """Return the job that makes the Level-0 products of a simulation.
 
@@ -743,8 +751,16 @@ def simulation_job(
         Write the truth beside the products.
     notes : sequence of str
         Remarks on the reading of tables of stars.
+    cubes : sequence of {"vip", "pyklip"}
+        Packages for which the frames of programmes are written, calibrated.
+
+    Raises
+    ------
+    InputError
+        For cubes of a programme without references or a star off the mask.
     """
     hashes, files = _hashes(planned)
+    sets = _cube_sets(planned) if cubes else {}
     settings = [item.settings(hashes) for item in planned]
 
     def work(runner: Runner[Any]) -> results.SimulationResult:
@@ -754,6 +770,9 @@ def simulation_job(
         root = str(folder.temporary.resolve())
         tasks = [Task(item.obsid, (item, root, truth), steps=item.n_frames) for item in planned]
         bodies = runner.finish(make_sequence, tasks, tells=True)
+        looked = {item.obsid: item for one in sets.values() for item in (*one.science, *one.references, one.star)}
+        tasks = [Task(f"cube {key}", (item,), item.target, steps=0) for key, item in looked.items()]
+        runner.finish(make_cube, tasks, kept=False)
         rows = [_row(item, own, bodies[item.obsid], truth) for item, own in zip(planned, settings, strict=True)]
         return results.SimulationResult(
             version=__version__,
@@ -770,6 +789,10 @@ def simulation_job(
     def write(folder: RunFolder, result: results.SimulationResult, bodies: Mapping[str, Any]) -> None:
         for programme in result.programmes:
             folder.write(programme.file, dump_json(programme.model_dump(mode="json")))
+        for kind in cubes:
+            for place, one in sets.items():
+                for name, content in one.files(kind, bodies).items():
+                    folder.write_bytes(f"{place.format(kind=kind)}/{name}", content)
 
     return Job(
         kind="simulation",
@@ -788,6 +811,7 @@ def simulate(
     *,
     truth: bool = True,
     notes: Sequence[str] = (),
+    cubes: Sequence[CubeKind] = (),
     **how: Unpack[RunSettings],
 ) -> Runner[results.SimulationResult]:
     """Make the Level-0 products of a simulation.
@@ -802,6 +826,8 @@ def simulate(
         Write the truth beside the products.
     notes : sequence of str
         Remarks on the reading of tables of stars, as `cpic_planner.simulation.simulation_from` returns them.
+    cubes : sequence of {"vip", "pyklip"}
+        As of `simulation_job`.
     **how
         As of `cpic_planner.jobs.job.run`. Workers of another ``scheduler`` see ``out`` under the same name.
         ``advance`` is told about frames: one by one in this process, a sequence at a time with several workers.
@@ -813,7 +839,7 @@ def simulate(
     """
     planned = plan_sequences(simulation)
     check_light(planned)
-    job = simulation_job(planned, simulation, truth=truth, notes=notes)
+    job = simulation_job(planned, simulation, truth=truth, notes=notes, cubes=cubes)
     _check_room(Path(out), planned, truth=truth)
     return run(job, out, **how)
 
@@ -946,35 +972,118 @@ def _visit_row(item: PlannedSequence, streams: list[str | int], planned: Sequenc
 _CALIBRATIONS = ("CALS", "BIAS", "DARK", "FLAT")
 
 
+def _nearest(
+    item: PlannedSequence, planned: Iterable[PlannedSequence], kind: str, *same: str
+) -> PlannedSequence | None:
+    """Return the sequence of a kind with the exposure nearest to that of an item, and the same camera and settings."""
+    like = operator.attrgetter("camera", "instrument", *same)
+    fit = [other for other in planned if other.kind == kind and like(other) == like(item)]
+
+    def ratio(other: PlannedSequence) -> float:
+        return abs(math.log(max(other.exposure_s, 1e-9) / max(item.exposure_s, 1e-9)))
+
+    return min(fit, key=ratio, default=None)
+
+
+def _star_off_mask(item: PlannedSequence, planned: Sequence[PlannedSequence]) -> PlannedSequence | None:
+    off = [other for other in planned if any(other.entry.star_offset_arcsec)]
+    return _nearest(item, off, "CALS", "target", "band", "em_gain")
+
+
 def _masters(item: PlannedSequence, programme: str, planned: Sequence[PlannedSequence]) -> dict[str, Any]:
     """Return where a file of a programme is, what it looks at, and the calibrations of the run that it needs."""
 
-    def place(file: PlannedSequence) -> str:
+    def place(file: PlannedSequence | None) -> str | None:
+        if file is None:
+            return None
         return Path(os.path.relpath(file.place(file.name.file), programme or ".")).as_posix()
-
-    def nearest(kind: str, **same: Any) -> str | None:
-        fit = [
-            other
-            for other in planned
-            if (other.kind, other.camera, other.instrument) == (kind, item.camera, item.instrument)
-            and (kind != "CALS" or any(other.entry.star_offset_arcsec))
-            and all(getattr(other, name) == value for name, value in same.items())
-        ]
-        ratio = {id(other): abs(math.log(max(other.exposure_s, 1e-9) / max(item.exposure_s, 1e-9))) for other in fit}
-        return place(min(fit, key=lambda other: ratio[id(other)])) if fit else None
 
     found: dict[str, Any] = {"file": place(item), "roll_deg": None}
     if item.kind != "BIAS":
-        found["bias"] = nearest("BIAS", em_gain=item.em_gain)
+        found["bias"] = place(_nearest(item, planned, "BIAS", "em_gain"))
     if not item.on_sky:
         return found
-    found |= {"dark": nearest("DARK", em_gain=item.em_gain), "flat": nearest("FLAT", band=item.band)}
+    found["dark"] = place(_nearest(item, planned, "DARK", "em_gain"))
+    found["flat"] = place(_nearest(item, planned, "FLAT", "band"))
     if item.kind != "CALS":
-        found["star"] = nearest("CALS", target=item.target, band=item.band, em_gain=item.em_gain)
+        found["star"] = place(_star_off_mask(item, planned))
     detector, scale = item.instrument.channel(item.camera).detector, item.instrument.pixel_scale_arcsec(item.band)
     x, y = (offset / scale for offset in item.entry.star_offset_arcsec)
     place_px = {"star_x_pixel": detector.star_column + x, "star_y_pixel": detector.star_row + y}
     return found | place_px | {"roll_deg": item.entry.roll_deg}
+
+
+class CubeSet(Record):
+    """The sequences of a programme that are reduced together: those of one band, exposure and gain.
+
+    Attributes
+    ----------
+    science, references : tuple of PlannedSequence
+    star : PlannedSequence
+        The star off the mask.
+    """
+
+    science: tuple[PlannedSequence, ...]
+    references: tuple[PlannedSequence, ...]
+    star: PlannedSequence
+
+    def files(self, kind: CubeKind, bodies: Mapping[str, Any]) -> dict[str, bytes]:
+        """Return the files of the set by their names.
+
+        Parameters
+        ----------
+        kind : {"vip", "pyklip"}
+        bodies : mapping
+            Bodies of finished tasks, those of `make_cube` among them.
+        """
+        first, instrument = self.science[0], self.star.instrument
+        scale, band = instrument.pixel_scale_arcsec(first.band), instrument.band(first.band)
+        about: dict[str, Any] = {
+            "target": first.target,
+            "reference": self.references[0].target,
+            "band": first.band,
+            "wavelength_um": 1e-3 * band.center_nm,
+            "pixel_scale_arcsec": scale,
+            "lambda_d_pixel": instrument.lambda_d_arcsec(first.band) / scale,
+            "exposure_s": first.exposure_s,
+            "star_exposure_s": self.star.exposure_s,
+            "em_gain": first.em_gain,
+        }
+        for name, items in (("science", self.science), ("reference", self.references), ("star", (self.star,))):
+            about[f"{name}_files"] = [item.place(item.name.file) for item in items]
+        cube = {item.obsid: bodies[f"cube {item.obsid}"] for item in (*self.science, *self.references, self.star)}
+        science = [(cube[item.obsid], item.entry.roll_deg) for item in self.science]
+        return cube_files(kind, science, [cube[item.obsid] for item in self.references], cube[self.star.obsid], about)
+
+
+def _cube_sets(planned: Sequence[PlannedSequence]) -> dict[str, CubeSet]:
+    """Return what is reduced together in a simulation, by the folder of its cubes with the package left open."""
+    steps: dict[tuple[str, int], list[PlannedSequence]] = {}
+    for item in planned:
+        if item.part is not None:
+            steps.setdefault((item.programme, item.step), []).append(item)
+    found = {}
+    for items in steps.values():
+        science = tuple(item for item in items if item.entry.role == "science")
+        references = tuple(item for item in items if item.entry.role == "reference")
+        star = _star_off_mask(science[0], planned)
+        if star is None or not references:
+            allowed = "for programmes with references and a star off the mask"
+            raise InputError(called("cubes"), "given", allowed=allowed, hint=called("programme"))
+        first = science[0]
+        place = f"{first.band}_{first.exposure_s:g}s_gain{first.em_gain:g}"
+        found[PurePath(first.programme, products.CUBE_FOLDER, "{kind}", place).as_posix()] = CubeSet(
+            science, references, star
+        )
+    return found
+
+
+def make_cube(item: PlannedSequence) -> Cube:
+    """Return the calibrated frames of a sequence."""
+    built = cast(Any, item.build())
+    if item.part is None:
+        return calibrated_cube(built, range(item.n_frames))
+    return calibrated_cube(built.visit, range(item.part.first_frame, item.part.first_frame + item.n_frames))
 
 
 def _check_room(root: Path, planned: Sequence[PlannedSequence], *, truth: bool) -> None:

@@ -24,6 +24,7 @@ from simulator.observing.observation import Observation as Observation, observe 
 from simulator.observing.sequence import Calibration as Calibration, calibrate as calibrate
 from simulator.passbands import Passbands as Passbands
 from simulator.products import check_level0 as check_level0, write_level0 as write_level0
+from simulator.reduction import read_level1 as read_level1
 from simulator.target import (
     lambert_phase as lambert_phase,
     planet_albedo as planet_albedo,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import catalogs
-from catalogs import Albedo, Band, Spectrum, StellarGrid, load_johnson_v, load_reference_spectrum
+from catalogs import HC_ERG_ANGSTROM, Albedo, Band, Spectrum, StellarGrid, load_johnson_v, load_reference_spectrum
 from cpic_core import ArrayLike, InputError, Record, check_finite, check_number, numeric_context
 from simulator.knobs import AlbedoFamily
 
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 
 _ANGSTROM_PER_NM = 10.0
+_W_M2_UM = 10.0
+"""Of an erg/s/cm2/A."""
 _GAUSS = 1.0 / np.sqrt(3.0)
 
 
@@ -111,6 +113,29 @@ def band_integral(band: Band, wavelength_nm: np.ndarray, photlam: np.ndarray) ->
         Photon flux density, photons/s/cm2/Angstrom, at the samples.
     """
     return float(band_projection(band, wavelength_nm) @ photlam)
+
+
+def band_flux_density(band: Band, spectrum: Spectrum) -> tuple[float, float]:
+    """Return the mean flux density in a band, W/m2/um, and its effective wavelength, nm.
+
+    Parameters
+    ----------
+    band : Band
+    spectrum : Spectrum
+        Photon flux density ``n``, ph/s/cm2/A, over wavelength; it covers the band.
+
+    Notes
+    -----
+    Photons are counted: ``F = h c int(n T dlambda) / int(lambda T dlambda)`` and ``int(lambda n T) / int(n T)``, with
+    ``T`` the throughput of filter, optics and detector (Bessell & Murphy 2012, PASP 124, 140, equations A11 and A21;
+    what synphot calls effstim and effective wavelength). A source that sends ``k`` times the electrons of another has
+    ``k`` times its ``F`` if ``T`` alone weighs both.
+    """
+    check_covers("spectrum", spectrum.wavelength_nm, band)
+    x, weight = band_quadrature(band, spectrum.wavelength_nm)
+    photons = weight * np.interp(x, spectrum.wavelength_nm, spectrum.photlam)
+    erg_cm2_s_angstrom = HC_ERG_ANGSTROM * photons.sum() / (weight @ (x * _ANGSTROM_PER_NM))
+    return float(erg_cm2_s_angstrom * _W_M2_UM), float(photons @ x / photons.sum())
 
 
 @functools.cache

@@ -483,7 +483,27 @@ def simulate_products(question: queries.SimulateQuestion) -> results.SimulationR
     from cpic_planner.simulation import simulate, simulation_from
 
     simulation, notes = simulation_from(question.what, **question.given)
-    return simulate(simulation, question.out, truth=question.truth, notes=notes, **question.how).result
+    own = functools.partial(simulate, truth=question.truth, notes=notes, cubes=question.cubes)
+    return own(simulation, question.out, **question.how).result
+
+
+@takes(queries.ReduceQuestion, first=("what", "out"))
+def reduce_products(question: queries.ReduceQuestion) -> results.ReductionResult:
+    """Reduce Level-0 frames to Level 1, as ``cpic reduce`` does.
+
+    Returns
+    -------
+    ReductionResult
+        ``sequences[i].file`` is the Level-1 file below ``out``; `read_level1` reads its frames.
+
+    Raises
+    ------
+    InputError
+        For bad input, or if ``out`` is in use or holds another configuration.
+    """
+    from cpic_planner.reduction import reduction_job
+
+    return run(reduction_job(question), question.out, **question.how).result
 
 
 @takes(queries.VisibilityQuestion, first=("target",))

@@ -115,7 +115,7 @@ def root(
 
 for _run in (
     *(run_commands.plan, star_commands.rank, star_commands.etc, star_commands.curve, star_commands.roc),
-    *(star_commands.known, run_commands.confirm, run_commands.simulate, star_commands.visibility),
+    *(star_commands.known, run_commands.confirm, run_commands.simulate, run_commands.reduce, star_commands.visibility),
     *(run_commands.whatif, run_commands.tradeoff),
 ):
     _more = (_DIAL_HELP, _OVERRIDES_HELP) if _run in (run_commands.plan, run_commands.confirm) else ()

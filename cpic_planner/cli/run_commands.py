@@ -36,8 +36,8 @@ def plan(question: queries.PlanQuestion, output: ImagesOutput) -> None:
 
     Writes plan.json, sensitivity.json, known.json (known planets of the first stars, where there are any), run.json,
     ranking.csv, ranking.ecsv, measurements.csv, astrometry.csv (as orbitize! reads it), astrometry.ecsv, limits.ecsv
-    (what was not detected) and report.html into --out. Stopped half way, it continues when started again on the same
-    folder; the result is the same for any number of workers.
+    (what was not detected), photometry.ecsv with band_covariance.ecsv, passbands and report.html into --out. Stopped
+    half way, it continues when started again on the same folder; the result is the same for any number of workers.
 
     Examples:
 
@@ -110,8 +110,9 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
     Visits and frames are those of highest SNR within --time-s, as cpic etc --time-s chooses them, for the first planet
     of the scene that is in the dark hole; --visits, --visit-time-s, --exposure-s, --frames and --em-gain fix them. Part
     of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, astrometry.csv (as
-    orbitize! reads it), astrometry.ecsv, limits.ecsv (what was not detected), report.html, panels-BAND.png and
-    run.json; stopped half way, it continues when started again on the same folder.
+    orbitize! reads it), astrometry.ecsv, limits.ecsv (what was not detected), photometry.ecsv,
+    band_covariance.ecsv, passband-BAND.txt, passbands.ecsv, spectrum-N.txt (as TauREx reads it), contrast_curve.csv,
+    report.html, panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.
 
     With --from-products, frames are those of Level-1 files (cpic reduce writes them; so may any program: an image in
     electrons and a mask for each frame): registered by the light that the mask leaves, reduced, searched and measured
@@ -221,9 +222,50 @@ def simulate(question: queries.SimulateQuestion, output: SimulateOutput) -> None
         output.show(planned, report.planned_blocks(planned))
         return
     total = sum(entry.total_frames for entry in made.sequences)
-    start = partial(simulation.simulate, made, question.out, truth=question.truth, notes=notes, **question.how)
+    own = partial(simulation.simulate, truth=question.truth, notes=notes, cubes=question.cubes)
+    start = partial(own, made, question.out, **question.how)
     done = command.with_progress("frames", total, start, "sequence")
     output.show(done.result, report.simulation_blocks(done.result, question.out))
+
+
+def reduce(question: queries.ReduceQuestion, output: RunOutput) -> None:
+    """Reduce Level-0 frames to Level 1: electrons of light with their error and a mask.
+
+    WHAT are Level-0 files of any writer or folders of them. Bias, dark and flat frames that the folders hold, or that
+    --masters names, are combined to masters whose noise is carried to the errors; of each kind those nearest in gain,
+    exposure and band are taken. Maps without noise (flat.fits, dark.fits, cic.fits, bad_columns.fits, bias.fits) serve
+    where there are no frames. Without either, the overscan gives the bias, the instrument the dark current, and the
+    flat is 1: every product says what it was made with.
+
+    Frames are flagged where a limit was reached, then come bias, level of the overscan, gain, curves, clock-induced
+    charge, dark current, smear and flat; cosmic rays are found by comparing each pixel with itself in the other frames
+    of its file, so that nothing is rejected in a single frame. Only frames of the visible camera are reduced.
+
+    Writes one file a sequence, ..._L1_..., with a pair of units a frame (image, mask), the errors beside it in
+    ..._ERROR.fits, Masters, reduction.json and run.json into --out. Stopped half way, it continues when started again
+    on the same folder; the files are the same for any number of workers.
+
+    Examples:
+
+      cpic reduce level0
+
+      cpic reduce night.fits --masters calibrations --out reduced
+
+      cpic reduce level0 --masters bias.fits --masters dark.fits --masters flat.fits --workers 2
+
+      cpic reduce level0 --dry-run
+    """
+    from cpic_planner.reduction import reduction_job
+
+    def line(cost: Mapping[str, float]) -> str:
+        what = f"{cost['n_sequences']} sequence{'s' * (cost['n_sequences'] != 1)}, {cost['n_frames']} frames"
+        room = f"{cost['memory_mb']:.0f} MB memory a worker, {cost['disk_mb']:.1f} MB disk"
+        return f"{what}, about {command.time_text(cost, question.workers)}, {room}"
+
+    how: dict[str, Any] = {"steps": "n_steps", "dry_run": output.dry_run, "out": question.out}
+    result = command.result_of(question, reduction_job(question), output, "reducing", line, **how)
+    if result is not None:
+        output.show(result, report.reduction_blocks(result, question.out))
 
 
 def _print_presets(as_json: bool) -> None:

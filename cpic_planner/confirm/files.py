@@ -1,11 +1,10 @@
 """Questions about Level-1 files: their scene, instrument and frames, as headers and the parameters beside them say."""
 
 import functools
-import json
 from pathlib import Path
 from typing import Any
 
-from cpic_core import InputError, Record, as_path, read_text
+from cpic_core import InputError, Record, as_path, parse_json, read_file
 from cpic_planner import validation
 from cpic_planner.queries import ConfirmQuestion
 from simulator.config import Scene, load_instrument, load_scene
@@ -87,7 +86,7 @@ def measured_files(question: ConfirmQuestion, folder: str | Path) -> MeasuredFil
         raise InputError("from_products", str(folder), allowed="a folder with Level-1 files")
     programmes = tuple(validation.level1_programmes(place, question.bands, question.references))
     first = programmes[0].first
-    stated = _parameters(place, str(first.header.get("OBSID", "")))
+    stated = _parameters(place, first)
     instrument, scene = question.instrument, question.scene
     if stated is not None and not question.is_given("instrument"):
         instrument = load_instrument(stated["instrument"])
@@ -110,11 +109,18 @@ def measured_files(question: ConfirmQuestion, folder: str | Path) -> MeasuredFil
     return MeasuredFiles(question.model_copy(update=told | {"bands": bands}), programmes, bare)
 
 
-def _parameters(folder: Path, obsid: str) -> dict[str, Any] | None:
-    """Return the configuration that was written beside the Level-0 file of an observation; None where there is none."""
-    for path in sorted(folder.rglob(f"Params/{obsid or '*'}/V*/configuration.json")):
-        text = read_text(path, key="parameters", allowed="a file of parameters", max_bytes=_MOST_BYTES)
-        return dict(json.loads(text))
+def _parameters(folder: Path, file: validation.Level1File) -> dict[str, Any] | None:
+    """Return the configuration that was written with the Level-0 file that a file is made of; None where it is not."""
+    if file.header.get("SCENHASH") is None:
+        return None
+    for path in sorted(folder.rglob(f"Params/{file.header.get('OBSID')}/V*/configuration.json")):
+        content = read_file(path, key="parameters", allowed="a file of parameters", max_bytes=_MOST_BYTES)
+        found: dict[str, Any] = dict(parse_json(content))
+        # Numbers are those of a run: two runs in one folder may share them.
+        if all(
+            found.get("header", {}).get(key) == file.header.get(key) for key in ("SCENHASH", "CONFHASH", "DATE-OBS")
+        ):
+            return found
     return None
 
 

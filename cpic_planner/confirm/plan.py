@@ -173,7 +173,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
     catalog : Catalogue, str or Path
         Star table: ``"snapshot"``, ``"latest"``, ``"simbad_2012"``, or a file; see `catalogs.catalogue.open_catalogue`.
     """
-    from cpic_planner.report import PRODUCTS, write_report
+    from cpic_planner.report import plan_products, write_report
 
     prepared = functools.cache(lambda: prepare_plan(config, catalog))
 
@@ -209,7 +209,7 @@ def plan_job(config: PlanQuestion, catalog: CatalogSource = "snapshot") -> Job[r
         decides_parts=lambda: _decides_images(config, prepared()),
         work=work,
         write=write,
-        products=("sensitivity.json", "known.json", *PRODUCTS),
+        products=("sensitivity.json", "known.json", *plan_products(config.instrument.bands)),
         cost=lambda: _expected_cost(config, catalog) if config.schedule is None else prepared_cost(),
     )
 

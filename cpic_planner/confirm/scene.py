@@ -353,7 +353,7 @@ def confirm_job(asked: ConfirmQuestion) -> Job[ConfirmResult]:
         shown = config.simulator_overrides.scene(config.looked_at)
         write_confirm_report(folder, result, prepared().model, shown, images)
 
-    products = products_of(config.bands or config.instrument.visible_bands())
+    products = products_of(config.bands or config.instrument.visible_bands(), len(config.looked_at.planets))
     taken = {} if files is None else {"files": files.sums, "bare": files.bare}
     audit = audited(config.dial, config.audit) and files is None
     return Job(

@@ -54,6 +54,7 @@ from cpic_planner.queries.rank import (
     read_spectral_types as read_spectral_types,
     read_star_names as read_star_names,
 )
+from cpic_planner.queries.reduce import ReduceQuestion as ReduceQuestion
 from cpic_planner.queries.runs import (
     ConfirmQuestion as ConfirmQuestion,
     ImageQuestion as ImageQuestion,

@@ -1,7 +1,7 @@
 """The question of ``cpic simulate``: Level-0 data of which scenes and sequences."""
 
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator
 
@@ -143,6 +143,14 @@ class SimulateQuestion(RunQuestion, TablesQuestion, SequenceSettings):
         "pixel holds, and is no longer than that of the science frames.",
         only_with=_WHOLE,
         **_PAIR,
+    )
+    cubes: tuple[Literal["vip", "pyklip"], ...] = asked(
+        (),
+        "Write the calibrated frames into Cubes as this package takes them: cubes of science and references, angles, "
+        "star off the mask; with the same options also from what is there already. Repeat for both.",
+        option="--as",
+        only_with=_WHOLE,
+        physics=False,
     )
     truth: bool = asked(True, "Write the truth beside the products.")
     out: Path = asked(

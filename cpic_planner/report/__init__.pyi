@@ -41,9 +41,9 @@ from cpic_planner.report.drawing import (
 )
 from cpic_planner.report.files import (
     PANELS as PANELS,
-    PRODUCTS as PRODUCTS,
     SOURCES_FILES as SOURCES_FILES,
     WHATIF_PRODUCTS as WHATIF_PRODUCTS,
+    plan_products as plan_products,
     products_of as products_of,
     write_confirm_report as write_confirm_report,
     write_report as write_report,
@@ -90,6 +90,7 @@ from cpic_planner.report.simulation import (
     columns_blocks as columns_blocks,
     instrument_blocks as instrument_blocks,
     planned_blocks as planned_blocks,
+    reduction_blocks as reduction_blocks,
     simulation_blocks as simulation_blocks,
 )
 from cpic_planner.report.whatif import (

@@ -83,7 +83,7 @@ def _file_sentences(result: results.ConfirmResult) -> list[str]:
     placed = f"in {counted(moved, 'visit')} frames were moved" if moved else "the places of the headers hold"
     sentences = [
         f"{counted(frames, 'frame')} of {counted(len(result.visits), 'visit')} in {', '.join(bands)}, read from files, "
-        f"registered ({placed}), reduced and {LIBRARIES[result.reference_library].searched}; the stack has the "
+        f"registered ({placed}), reduced, {LIBRARIES[result.reference_library].searched}; the stack has the "
         "orientation of the detector.",
         *[f"{counted(len(result.sources), 'source')} detected."] * bool(result.searches),
     ]
@@ -450,13 +450,14 @@ def _files(report: ConfirmReport) -> Iterator[doc.Block]:
     result = report.result
     if not result.visits:
         return
-    layout = "band source separation_arcsec pa_deg rate_e_s contrast snr search_snr search_threshold"
+    layout = "band source separation_arcsec pa_deg rate_e_s contrast/1 search_snr search_threshold"
     columns = doc.row_columns(
         results.SourceRecord,
         layout,
         separation_arcsec="{separation_arcsec:.4f} ± {separation_error_arcsec:.4f}",
         pa_deg="{pa_deg:.2f} ± {pa_error_deg:.2f}",
         rate_e_s="{rate_e_s:.3g} ± {rate_error_e_s:.2g}",
+        contrast="{contrast:.2e} ± {contrast_error:.0e}",
     )
     if result.sources:
         yield doc.Table("Sources that the search detects", columns, result.sources, words.text("texts.sources"))

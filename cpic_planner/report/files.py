@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from cpic_planner.etc import EtcModel, contrast_limit
 from cpic_planner.jobs import RunFolder
 from cpic_planner.report.confirm import ConfirmReport, confirm_document, measurements_csv
 from cpic_planner.report.drawing import Picture
-from cpic_planner.report.export import EXPORT_PRODUCTS, write_export
+from cpic_planner.report.export import EXPORT_PRODUCTS, export_products, write_export
 from cpic_planner.report.image_figures import Mark, MarkKind, Panels
 from cpic_planner.report.plan import PlanReport, plan_document
 from cpic_planner.report.ranking import ranking_csv, ranking_ecsv
@@ -38,9 +38,15 @@ PANELS = "panels-{band}.png"
 """Name of the images of a band."""
 
 
-def products_of(bands: Iterable[str]) -> list[str]:
-    """Return the names of the files of a report of images in these bands."""
-    return ["measurements.csv", *EXPORT_PRODUCTS, "report.html", *(PANELS.format(band=band) for band in bands)]
+def plan_products(bands: Iterable[str]) -> list[str]:
+    """Return the names of the files of a report of a plan in these bands."""
+    return list(dict.fromkeys([*PRODUCTS, *export_products(bands, 0)]))
+
+
+def products_of(bands: Sequence[str], planets: int = 0) -> list[str]:
+    """Return the names of the files of a report of images in these bands; ``planets`` is the number of a scene's."""
+    panels = (PANELS.format(band=band) for band in bands)
+    return ["measurements.csv", *export_products(bands, planets), "report.html", *panels]
 
 
 SOURCES_FILES = ("sources.csv", "sources.ecsv")
@@ -141,7 +147,7 @@ def write_report(
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     folder.write("measurements.csv", measurements_csv(plan))
-    write_export(folder, plan)
+    write_export(folder, plan, model.instrument)
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
     figures = plan_figures(plan, rank, limits=limit_curves(plan, model, targets), holes=hole_edges(model))
     report = PlanReport(plan, rank, figures, panel_pictures(plan, panels), sensitivity, known)
@@ -169,7 +175,7 @@ def write_star_images(
     from cpic_planner.report.image_figures import PanelSheet
 
     folder.write("measurements.csv", measurements_csv(result))
-    write_export(folder, result)
+    write_export(folder, result, model.instrument)
     sheet = PanelSheet()
     for target in result.targets:
         for band in (item.band for item in target.bands if f"{target.name} {item.band}" in bodies):
@@ -204,14 +210,14 @@ def write_confirm_report(
     from cpic_planner.report.image_figures import PanelSheet, snr_figure, spectrum_figure
 
     folder.write("measurements.csv", measurements_csv(result))
-    write_export(folder, result)
+    write_export(folder, result, model.instrument)
     if result.visits:
         columns = results.taken_of(results.SourceRecord)
         rows = map(results.values_of, result.sources)
         folder.write(SOURCES_FILES[0], results.csv_text(results.names_of(results.SourceRecord), rows))
-        folder.write(
-            SOURCES_FILES[1], results.ecsv_text(columns, result.sources, {"title": f"sources, {result.scene}"})
-        )
+        about = {"fingerprint", "version", "config_hash", "scene", "instrument", "sigma", "reference_library"}
+        meta = result.model_dump(mode="json", include=about)
+        folder.write(SOURCES_FILES[1], results.ecsv_text(columns, result.sources, meta))
     sheet, images = PanelSheet(), {}
     for band, body in bodies.items():
         marked = None if result.bare else scene

@@ -208,6 +208,26 @@ def simulation_blocks(result: results.SimulationResult, out: Path) -> Iterator[d
     yield from doc.notes(*files, look="whole")
 
 
+def reduction_blocks(result: results.ReductionResult, out: Path) -> Iterator[doc.Block]:
+    """Yield what was reduced, what with, and where the files are."""
+    rows, of = result.sequences, (results.ReducedSequence, doc.itself)
+    columns = doc.row_columns(
+        results.ReducedSequence,
+        "kind target band frames em_gain median_e/2 error_e/2 hit",
+        target=lambda item: shortened(item.target),
+        frames=doc.own_column("frames × s", "{n_frames} × {exposure_s:g}", fields="n_frames exposure_s", of=of),
+        hit=doc.own_column("hit pixels", lambda item: str(item.mask_counts["cosmic_ray"])),
+    )
+    yield doc.Table(f"{counted(len(rows), 'sequence')} reduced, e- a pixel and frame", columns, rows[:_MOST])
+    used: dict[str, None] = {}
+    for item in rows:
+        used |= dict.fromkeys(f"{step}: {item.steps[step]}" for step in ("bias", "dark", "flat", "cosmic_rays"))
+        used |= dict.fromkeys(f"not in the header of {Path(item.level0).name}: {text}" for text in item.assumed)
+    said = [*used, *(f"left out: {text}" for text in result.left_out)]
+    more = f"... and {len(said) - _MOST} more: see {out / 'reduction.json'}" * (len(said) > _MOST)
+    yield from doc.notes(*said[:_MOST], more, f"files below {out}")
+
+
 def _programme_blocks(programme: results.SimulatedProgramme, out: Path) -> Iterator[doc.Block]:
     """Yield when the visits of a programme are, and where its list is."""
     title = f"{programme.target}: {counted(programme.visits, 'science visit')}"

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from cpic_planner.results.answers import ModellingRecord
 from cpic_planner.results.base import (
+    Column,
     FramesColumns,
     OfTables,
     RankedSample,
@@ -65,7 +66,7 @@ class ObservationRow(Row):
     """
 
     realisation: int = column("number of the draw of drift and noise, from 1")
-    epoch_mjd: float = column("middle of the observation, from its first visit to its last", unit="d", format=".4f")
+    epoch_mjd: float = column("middle of the observation, from its first visit to its last", format=".4f")
     detected: bool = column(
         "the blind search finds the planet; of two rolls, its significance at the place reaches the threshold"
     )
@@ -153,6 +154,13 @@ class BandConfirmation(FramesColumns):
         label="the star's light, from",
     )
     star_flux_error: float | None = optional("relative, common to all realisations")
+    star_flux_density: float | None = optional(
+        "mean flux density of the star by its V magnitude and spectrum, weighted by photons and throughput",
+        unit="W m-2 um-1",
+    )
+    effective_wavelength_nm: float | None = optional("of the star's photons in the band")
+    band_center_nm: float | None = optional("middle of the band")
+    band_width_nm: float | None = optional("full width of the band")
     rdi_throughput: float | None = optional(label="RDI throughput", format="%")
     rdi_modes_used: int | None = optional("beside the mean, around the planet", label="RDI modes")
     core_throughput: float | None = optional(format="%")
@@ -322,6 +330,15 @@ class CandidateRecord(Row):
     planet: str = column("planet of the scene that stands there; empty for none")
 
 
+class LimitRow(Row):
+    """Contrast limit of the first realisation at one separation, on a diagonal of the dark hole, at a known place."""
+
+    separation_arcsec: float
+    threshold: float = column("of small samples at the level of the strategy")
+    throughput: float = column("part of a planet's sum that the subtraction leaves")
+    contrast_limit: float = column("threshold times the scatter of sums like that of a planet around the place")
+
+
 class SearchRecord(Row):
     """The blind search of the first realisation in one band."""
 
@@ -340,6 +357,7 @@ class SearchRecord(Row):
     resolution_elements: float = column("searched area over (lambda/D)^2")
     sigma: float = column("false-alarm probability per element is that of so many sigma in a normal law")
     candidates: list[CandidateRecord]
+    curve: list[LimitRow] = column("empty of files, and in older results", default=[])
 
 
 class ProductVisitRecord(Row):
@@ -382,14 +400,11 @@ class SourceRecord(Row):
     source: str = column("planet or star of the scene that stands there; empty for none, and without a scene")
     mjd: float | None = optional("mean of the middles of the science exposures, UTC", format=".5f")
     separation_arcsec: float = column(format=".4f")
-    separation_error_arcsec: float | None = optional("1 sigma of the fit of the place; null where it found none")
+    separation_error_arcsec: float = column("1 sigma of the fit of the place")
     pa_deg: float = column("position angle on the sky", short="PA °", format=".2f")
-    pa_error_deg: float | None = None
+    pa_error_deg: float
     east_arcsec: float = column("offset from the star to the east: of right ascension times cos(declination)")
-    east_error_arcsec: float | None = None
     north_arcsec: float = column("offset from the star to the north")
-    north_error_arcsec: float | None = None
-    east_north_correlation: float | None = optional("of the errors of both offsets")
     ra_deg: float | None = optional("null where the headers have no coordinates of the star")
     dec_deg: float | None = None
     rate_e_s: float | None = optional(
@@ -404,7 +419,9 @@ class SourceRecord(Row):
     )
     contrast_error: float | None = optional("1 sigma, the error of the star's light included")
     snr: float | None = optional("of the forced photometry", short="SNR", format=".1f")
-    search_snr: float = column("of the matched filter of the search", label="SNR of the search", format=".1f")
+    search_snr: float = column(
+        "of the matched filter of the search", label="SNR of the search", short="SNR", format=".1f"
+    )
     search_threshold: float = column("SNR that the search asks for there", label="threshold", format=".1f")
     flags: list[str] = column("of the fit of the place: not_converged, low_snr, edge, whole_region")
 
@@ -466,6 +483,10 @@ class ConfirmResult(ImagedResult):
     sources: list[SourceRecord] = column(
         "what the search detects in files, measured; empty for simulated images", default=[]
     )
+
+    def _table(self, rows: str = "") -> tuple[list[Column], list[Any]]:
+        """Return the rows that are asked for; by default those of sources where no planet of a scene is compared."""
+        return super()._table(rows or ("sources" if self.sources and not self.bands else ""))
 
     @property
     def bare(self) -> bool:

@@ -146,6 +146,49 @@ class SimulationResult(OfTables, RunResult):
     programmes: list[SimulatedProgramme] = column("visits of each programme", default=[])
 
 
+class MasterRow(Row):
+    """One master calibration that was made of frames."""
+
+    kind: str = column("BIAS, DARK or FLAT")
+    file: str = column("below the folder of the run")
+    n_frames: int
+    exposure_s: float = column("exposure of a frame, s")
+    em_gain: float = column(short="gain", format="g")
+    made_of: list[str] = column("Level-0 files")
+    made_with: list[str] = column("other masters that it was made with")
+
+
+class ReducedSequence(Row):
+    """One reduced sequence: what was applied, and what its masks say."""
+
+    file: str = column("Level-1 file below the folder of the run")
+    error_file: str = column("errors of its frames")
+    level0: str = column("Level-0 file", label="Level 0")
+    kind: str = column("SCI, DSF, CALS, DARK, FLAT, BKG or LASER")
+    target: str = column("name of the target, as the header says")
+    band: str = column("empty where the header names none")
+    exposure_s: float = column("exposure of a frame, s")
+    n_frames: int
+    em_gain: float = column(short="gain", format="g")
+    median_e: float = column("median of the light of good pixels of a frame", label="median", unit="electron")
+    error_e: float = column("median error of a pixel of a frame", label="error", unit="electron")
+    steps: dict[str, str] = column("what each step was made with, in the order of the reduction")
+    assumed: list[str] = column("what the header does not say, and was taken for it")
+    mask_counts: dict[str, int] = column("pixels of all frames with each bit of the mask; good ones have none")
+
+
+class ReductionResult(RunResult):
+    """Level-1 files of a reduction, and how they were made."""
+
+    kind: Literal["reduction"] = "reduction"
+    version: str
+    config_hash: str
+    n_frames: int
+    masters: list[MasterRow] = column("masters made of frames; maps are named in the steps of each sequence")
+    sequences: list[ReducedSequence]
+    left_out: list[str] = column("files of a folder that were not reduced, and why")
+
+
 class FindingRecord(Row):
     """One thing that is wrong with a product."""
 

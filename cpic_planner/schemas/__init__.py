@@ -25,6 +25,7 @@ QUESTIONS = {
         ("whatif", "WhatIfQuestion"),
         ("tradeoff", "TradeoffQuestion"),
         ("simulate", "SimulateQuestion"),
+        ("reduce", "ReduceQuestion"),
     )
 }
 """Where the question of each command is."""
@@ -44,6 +45,7 @@ RESULTS = {
         ("star_images", "StarImagesResult"),
         ("run", "RunRecord"),
         ("simulation", "SimulationResult"),
+        ("reduction", "ReductionResult"),
         ("check", "CheckResult"),
         ("instrument", "InstrumentResult"),
         ("tradeoff", "TradeoffResult"),

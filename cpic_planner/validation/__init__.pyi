@@ -7,6 +7,12 @@ from cpic_planner.validation.albedo_fit import (
 )
 from cpic_planner.validation.astrometry import Astrometry as Astrometry, fit_position as fit_position
 from cpic_planner.validation.confirm import confirm_task as confirm_task, decode_arrays as decode_arrays
+from cpic_planner.validation.cubes import (
+    Cube as Cube,
+    CubeKind as CubeKind,
+    calibrated_cube as calibrated_cube,
+    cube_files as cube_files,
+)
 from cpic_planner.validation.frames import (
     CalibratedFrames as CalibratedFrames,
     calibrated_frames as calibrated_frames,

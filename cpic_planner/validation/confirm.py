@@ -2,6 +2,7 @@
 
 import base64
 import io
+import itertools
 import math
 from dataclasses import replace
 from typing import Any
@@ -9,17 +10,33 @@ from typing import Any
 import numpy as np
 
 from cpic_core import NDArray, Status, announce
-from cpic_planner.results import AuditRecord, BandConfirmation, CandidateRecord, SearchRecord
+from cpic_planner.etc import threshold_array
+from cpic_planner.results import AuditRecord, BandConfirmation, CandidateRecord, LimitRow, SearchRecord
 from cpic_planner.validation import level1
 from cpic_planner.validation.astrometry import Astrometry, fit_position
-from cpic_planner.validation.measure import Measurement, PlanetTemplate, maps_of, measure_planets, planet_templates
+from cpic_planner.validation.measure import (
+    Measurement,
+    PlanetTemplate,
+    maps_of,
+    measure_planets,
+    noise_at,
+    obstacle,
+    place_at,
+    planet_templates,
+    speckles_of,
+    with_image,
+)
 from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, audited, realisations, visit_pair
 from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
 from cpic_planner.validation.task import ConfirmTask, Modelling, modelling_of
 from cpic_planner.validation.verdict import audit_of, confirmation_of
 from simulator.imaging import ExternalPsf
-from simulator.target import detector_to_sky
+from simulator.passbands import Passbands, band_flux_density
+from simulator.target import LitStar, detector_to_sky
+
+N_LIMITS = 12
+"""Separations of a contrast curve."""
 
 
 def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, Any]:
@@ -77,6 +94,7 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
     if task.audit and sums and planets and visits.counting is None:
         audits = _audits(task, modelling, visits, planets, star)
     told: dict[str, Any] = {"false_detections": false, "statistics": FrameStatistics.of(parts) if parts else None}
+    light = _star_light(visits)
     confirmations = [
         confirmation_of(
             task,
@@ -86,13 +104,15 @@ def confirm_task(tree: dict[str, Any], *, counted: bool = False) -> dict[str, An
             star,
             planet.core,
             positions=positions[index],
+            light=light,
             audit=audits[index],
             **told,
         )
         for index, planet in enumerate(planets)
     ]
     if record is not None:
-        record = record.model_copy(update={"realisations": len(every), "false_detections": false})
+        curve = [] if counted else _curve(visits, first, star)
+        record = record.model_copy(update={"realisations": len(every), "false_detections": false, "curve": curve})
     return _body(confirmations, first, planets, record)
 
 
@@ -217,6 +237,33 @@ def _star(visits: VisitPair, *, measured: bool) -> StarFlux:
         if found is not None:
             return found
     return StarFlux.known(visits.science.truth.sources[0].rate_e_s)
+
+
+def _curve(visits: VisitPair, realisation: Realisation, star: StarFlux) -> list[LimitRow]:
+    """Return the contrast limit against separation, each on a diagonal where no other source stands."""
+    geometry, strategy, found = visits.geometry, visits.strategy, []
+    model, zone = speckles_of(visits, star.rate_e_s), geometry.zone
+    for separation in np.linspace(zone.inner_corner_arcsec, zone.outer_corner_arcsec, N_LIMITS + 2)[1:-1].tolist():
+        for signs in itertools.product((1, -1), repeat=2):
+            at = signs[0] * separation / math.sqrt(2.0), signs[1] * separation / math.sqrt(2.0)
+            place = place_at(geometry, strategy, "limit", (at,), visits.beside_arcsec)
+            if obstacle(place, geometry, strategy) is None:
+                told = noise_at(visits, realisation, with_image(visits, place), star.rate_e_s, model)
+                sigma, left = (float(part or 0.0) for part in told)
+                threshold = float(threshold_array(geometry.resolution_elements(separation), strategy.sigma))
+                row = {"separation_arcsec": separation, "threshold": threshold, "throughput": left}
+                found.append(LimitRow(**row, contrast_limit=threshold * sigma))
+                break
+    return found
+
+
+def _star_light(visits: VisitPair) -> dict[str, float]:
+    """Return the fields of a `BandConfirmation` on the star's light in the band."""
+    passbands = Passbands.from_instrument(visits.instrument)
+    band = passbands.bands[passbands.index(visits.task.band)]
+    flux, wavelength_nm = band_flux_density(band, LitStar(visits.plan.science_scene.cstar, "scene.cstar").spectrum)
+    light = {"star_flux_density": flux, "effective_wavelength_nm": wavelength_nm}
+    return light | {"band_center_nm": band.center_nm, "band_width_nm": band.width_nm}
 
 
 def encode_arrays(arrays: dict[str, NDArray[Any]]) -> str:

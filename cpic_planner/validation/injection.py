@@ -222,7 +222,7 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
     body: dict[str, Any] = {"refused": "", "limits": [], "alarms": [], "elements": [], "planets": []}
     for number in range(own.first, own.first + own.count):
         drawn = visits.draw(number)
-        body["limits"].append([_noise_at(visits, drawn, place, rate_e_s, speckles) for place in places])
+        body["limits"].append([measure.noise_at(visits, drawn, place, rate_e_s, speckles) for place in places])
         blind = measure.searcher_of(visits, drawn.reduced, rate_e_s, maps)
         empty = blind.search(drawn.reduced.image_e)
         noise = empty.apart_from(visits.beside_arcsec, geometry)
@@ -233,22 +233,6 @@ def search_task(tree: dict[str, Any]) -> dict[str, Any]:
             [_found(visits, seen, blind, drawn, number, index, *one) for index, one in enumerate(planets)]
         )
     return body
-
-
-def _noise_at(
-    visits: VisitPair,
-    drawn: Realisation,
-    place: measure.PlanetTemplate | None,
-    rate_e_s: float,
-    model: measure.SpeckleModel | None,
-) -> list[float | None]:
-    """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one."""
-    if place is None:
-        return [None, None]
-    near = measure.reduced_around(drawn, place, visits)
-    measured = measure.forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
-    star_e = measured.throughput * place.core * rate_e_s * near.reduced.integration_s
-    return [float(measured.sigma_background / star_e), float(measured.throughput)]
 
 
 def _found(

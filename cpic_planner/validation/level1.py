@@ -5,7 +5,6 @@ A Level-1 file has an image of every frame in electrons at the register input an
 has the orientation of the detector: places are turned to the sky by POS_ANG0.
 """
 
-import contextlib
 import functools
 import hashlib
 import math
@@ -14,23 +13,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Record, bounded_fits, open_file
+from cpic_core import FloatArray, InputError, NDArray, Record, open_file
 from cpic_planner.results import ProductVisitRecord, SourceRecord
 from cpic_planner.validation.astrometry import fit_position
 from cpic_planner.validation.frames import CalibratedFrames
-from cpic_planner.validation.measure import (
-    Place,
-    SpeckleModel,
-    is_covered,
-    measured_at,
-    place_at,
-    speckles_of,
-    with_image,
-)
+from cpic_planner.validation.measure import is_covered, measured_at, place_at, speckles_of, with_image
 from cpic_planner.validation.rdi import pedestal_e
 from cpic_planner.validation.realise import (
     ROLES,
@@ -42,12 +33,11 @@ from cpic_planner.validation.realise import (
     whole_frames,
 )
 from cpic_planner.validation.registration import LEAST_PIXELS, Shift, measured_shift, moved, star_light
-from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch, Candidate
+from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
 from simulator.camera import MaskBit
 from simulator.observing import Observation, Role
-from simulator.products import load_keywords
-from simulator.target import detector_to_sky, sky_to_detector
+from simulator.reduction import fits_units, named_header
 
 _SPOILT = MaskBit.BAD | MaskBit.HOT | MaskBit.SATURATED | MaskBit.COSMIC_RAY | MaskBit.SATELLITE_TRAIL
 _KINDS = ("SCI", "CALS")
@@ -72,6 +62,23 @@ class Level1File(Record):
     path: Path
     header: Mapping[str, Any]
     n_frames: int
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        """Return a file, without any frame if it is no Level 1 of a scene or a star.
+
+        Raises
+        ------
+        InputError
+            If it is no FITS file.
+        """
+        with fits_units(path) as units:
+            headers = [unit.header for unit in units if unit.is_image and unit.header.get("NAXIS") == 2]
+            every = {**(headers[0] if headers else {}), **units[0].header}
+        header = named_header(every)
+        images = sum(one["BITPIX"] < 0 and not _is_error(one) for one in headers)
+        paired = images == sum(one["BITPIX"] > 0 for one in headers)
+        return cls(path, header, images if paired and header.get("OBSTYPE", _KINDS[0]) in _KINDS else 0)
 
     def value(self, key: str, kind: type = float) -> Any:
         """Return the value of a keyword.
@@ -116,7 +123,7 @@ class Level1File(Record):
 
     def frames(self) -> Iterator[tuple[FloatArray, NDArray[np.uint8]]]:
         """Yield the images in electrons, and their masks, one frame at a time."""
-        with _units(self.path) as units:
+        with fits_units(self.path) as units:
             image = None
             for unit in units:
                 if unit.header.get("NAXIS") != 2 or not unit.is_image or _is_error(unit.header):
@@ -126,21 +133,7 @@ class Level1File(Record):
                 elif image is not None:
                     yield np.asarray(image, dtype=np.float64), np.asarray(unit.data, dtype=np.uint8)
                     image = None
-
-
-@contextlib.contextmanager
-def _units(path: Path) -> Iterator[Any]:
-    """Open the units of a FITS file; refused in one line if it is none."""
-    from astropy.io import fits
-
-    with open_file(path, key="file", allowed=_ALLOWED, max_bytes=_MOST_BYTES) as file:
-        try:
-            with fits.open(bounded_fits(file), memmap=True) as units:
-                yield units
-        except (OSError, ValueError, TypeError, fits.VerifyError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError("file", str(path), allowed=_ALLOWED, hint=str(error).splitlines()[0]) from None
+                del unit.data  # or the file would be in memory as a whole
 
 
 def _is_error(header: Any) -> bool:
@@ -155,24 +148,10 @@ def level1_files(folder: Path) -> list[Level1File]:
     InputError
         If there is none; where there are Level-0 files instead, saying so.
     """
-    table, found, raw = load_keywords(), [], 0
-    for path in sorted(folder.rglob("*.fits*")):
-        if "Truth" in path.parts or not path.is_file():
-            continue
-        with _units(path) as units:
-            headers = [unit.header for unit in units if unit.is_image and unit.header.get("NAXIS") == 2]
-            every = {**(headers[0] if headers else {}), **units[0].header}
-        header = {table.canonical(key): value for key, value in every.items() if key}
-        kind = header.get("OBSTYPE", _KINDS[0])
-        images = [one for one in headers if one["BITPIX"] < 0 and not _is_error(one)]
-        masks = [one for one in headers if one["BITPIX"] > 0]
-        if kind not in _KINDS or not headers:
-            continue
-        if images and len(masks) == len(images):
-            found.append(Level1File(path, header, len(images)))
-        elif str(header.get("BUNIT", "")).lower() == "adu":
-            raw += 1
+    every = [Level1File.of(path) for path in sorted(folder.rglob("*.fits")) if "Truth" not in path.parts]
+    found = [one for one in every if one.n_frames]
     if not found:
+        raw = sum(str(one.header.get("BUNIT", "")).lower() == "adu" for one in every)
         hint = f"{raw} Level-0 files are there: reduce them first with cpic reduce" if raw else ""
         allowed = "a folder with Level-1 files: an image in electrons and a mask for each frame"
         raise InputError("from_products", str(folder), allowed=allowed, hint=hint)
@@ -315,9 +294,10 @@ def level1_programmes(
 
 def programme_of(task_files: Mapping[str, Sequence[Sequence[str]]], band: str) -> Level1Programme:
     """Return the programme of the files of a task."""
-    paths = {path for visits in task_files.values() for visit in visits for path in visit}
-    known = {str(one.path): one for path in {Path(path).parent for path in paths} for one in level1_files(path)}
-    visits = {role: tuple(tuple(known[path] for path in visit) for visit in own) for role, own in task_files.items()}
+    visits = {
+        role: tuple(tuple(Level1File.of(Path(path)) for path in visit) for visit in own)
+        for role, own in task_files.items()
+    }
     return Level1Programme(band, visits)
 
 
@@ -504,7 +484,7 @@ def starlight_e_s(visits: VisitPair, realisation: Realisation) -> float:
 def sources_of(
     visits: VisitPair, realisation: Realisation, blind: BlindSearch, star: StarFlux | None, programme: Level1Programme
 ) -> list[SourceRecord]:
-    """Return what a blind search detects, each measured: place, light and contrast with their errors.
+    """Return what a blind search detects: its place fitted, its light by forced photometry there.
 
     Parameters
     ----------
@@ -515,74 +495,32 @@ def sources_of(
         None where the star's light is not known: there are then no contrasts.
     programme : Level1Programme
     """
-    geometry = visits.geometry
+    stack, geometry, first = realisation.reduced, visits.geometry, programme.first
     known = [] if visits.task.bare else visits.science.truth.sources[1:]
-    reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec
     model = None if star is None else speckles_of(visits, star.rate_e_s)
+    reach = MATCH_LAMBDA_D * geometry.lambda_d_arcsec
     records = []
     for one in blind.detections:
         others = [(other.x_arcsec, other.y_arcsec) for other in blind.detections if other is not one]
-        near = [it for it in known if math.hypot(it.x_arcsec - one.x_arcsec, it.y_arcsec - one.y_arcsec) <= reach]
-        records.append(_source(visits, realisation, one, others, star, programme, model, near[0].name if near else ""))
+        names = [it.name for it in known if math.hypot(it.x_arcsec - one.x_arcsec, it.y_arcsec - one.y_arcsec) <= reach]
+        fit = fit_position(
+            stack, visits.optics, one.x_arcsec, one.y_arcsec, roll_deg=programme.rolls_deg[0], exclude=others
+        )
+        place = (fit.x_arcsec, fit.y_arcsec) if fit.converged else (one.x_arcsec, one.y_arcsec)
+        planet = with_image(visits, place_at(geometry, visits.strategy, "", (place,), others))
+        whole = is_covered(stack.region, planet.apertures[0] * geometry.hole)
+        light = measured_at(visits, realisation, planet, 1.0, model) if whole else None
+        told: dict[str, Any] = {"snr": None, "search_snr": one.snr_mf, "search_threshold": one.threshold}
+        told |= {"band": programme.band, "source": names[0] if names else "", "mjd": programme.middle_mjd}
+        if light is not None:
+            told |= {"rate_e_s": light.contrast, "rate_error_e_s": light.contrast_error, "snr": light.snr}
+        if light is not None and star is not None:
+            contrast = light.contrast / star.rate_e_s
+            error = math.hypot(light.contrast_error, contrast * star.error_e_s) / star.rate_e_s
+            told |= {"contrast": contrast, "contrast_error": error}
+        if first.star_deg is not None:  # an arcsecond on the sphere is flat to 1e-11 deg
+            ra, dec = first.star_deg
+            told["dec_deg"] = dec + fit.north_arcsec / 3600.0
+            told["ra_deg"] = (ra + fit.east_arcsec / 3600.0 / math.cos(math.radians(dec))) % 360.0
+        records.append(SourceRecord.of(fit, **told))
     return records
-
-
-def _source(
-    visits: VisitPair,
-    realisation: Realisation,
-    one: Candidate,
-    others: Sequence[Place],
-    star: StarFlux | None,
-    programme: Level1Programme,
-    model: SpeckleModel | None,
-    name: str,
-) -> SourceRecord:
-    """Return one detection, measured: its place fitted, its light by forced photometry there."""
-    from astropy import units as u
-    from astropy.coordinates import offset_by
-
-    stack, geometry = realisation.reduced, visits.geometry
-    roll_deg, parity = programme.rolls_deg[0], visits.instrument.detector.parity
-    fit = fit_position(
-        stack, visits.optics, one.x_arcsec, one.y_arcsec, roll_deg=roll_deg, parity=parity, exclude=others
-    )
-    x, y = (fit.x_arcsec, fit.y_arcsec) if fit.converged else (one.x_arcsec, one.y_arcsec)
-    planet = with_image(visits, place_at(geometry, visits.strategy, name, ((x, y),), others))
-    whole = is_covered(stack.region, planet.apertures[0] * geometry.hole)
-    measured = measured_at(visits, realisation, planet, 1.0, model) if whole else None
-    contrast = error = None
-    if measured is not None and star is not None:
-        contrast = measured.contrast / star.rate_e_s
-        error = math.hypot(measured.contrast_error, contrast * star.error_e_s) / star.rate_e_s
-    separation, pa_deg = (float(part) for part in detector_to_sky(x, y, roll_deg=roll_deg, parity=parity))
-    sky: tuple[float | None, float | None] = (None, None)
-    if (place := programme.first.star_deg) is not None:
-        ra, dec = offset_by(place[0] * u.deg, place[1] * u.deg, pa_deg * u.deg, separation * u.arcsec)
-        sky = float(ra.to_value("deg")) % 360.0, float(dec.to_value("deg"))
-    turn = np.column_stack(sky_to_detector(np.ones(2), np.array([90.0, 0.0]), roll_deg=roll_deg, parity=parity))
-    spread = turn @ fit.covariance[:2, :2] @ turn.T
-    known = fit.converged
-    return SourceRecord(
-        band=programme.band,
-        source=name,
-        mjd=programme.middle_mjd,
-        separation_arcsec=separation,
-        separation_error_arcsec=fit.separation_error_arcsec if known else None,
-        pa_deg=pa_deg % 360.0,
-        pa_error_deg=fit.pa_error_deg if known else None,
-        east_arcsec=float(separation * math.sin(math.radians(pa_deg))),
-        east_error_arcsec=math.sqrt(spread[0, 0]) if known else None,
-        north_arcsec=float(separation * math.cos(math.radians(pa_deg))),
-        north_error_arcsec=math.sqrt(spread[1, 1]) if known else None,
-        east_north_correlation=float(spread[0, 1] / math.sqrt(spread[0, 0] * spread[1, 1])) if known else None,
-        ra_deg=sky[0],
-        dec_deg=sky[1],
-        rate_e_s=None if measured is None else measured.contrast,
-        rate_error_e_s=None if measured is None else measured.contrast_error,
-        contrast=contrast,
-        contrast_error=error,
-        snr=None if measured is None else measured.snr,
-        search_snr=one.snr_mf,
-        search_threshold=one.threshold,
-        flags=list(fit.flags),
-    )

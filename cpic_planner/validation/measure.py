@@ -755,3 +755,31 @@ def forced_photometry(
         image, left = (part - share * part[::-1, ::-1] for part in (image, left))
     through = surviving_fraction("template", template, left, weights, around)
     return aperture_photometry(image, *first, radius, throughput=through, kernel=kernel, left=left, **shared)
+
+
+def noise_at(
+    visits: VisitPair,
+    realisation: Realisation,
+    place: PlanetTemplate | None,
+    rate_e_s: float,
+    model: SpeckleModel | None,
+) -> list[float | None]:
+    """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one.
+
+    Parameters
+    ----------
+    visits : VisitPair
+    realisation : Realisation
+    place : PlanetTemplate, optional
+        Without one neither is known.
+    rate_e_s : float
+        Rate of the star on the clear disc.
+    model : SpeckleModel, optional
+        As of `forced_photometry`.
+    """
+    if place is None:
+        return [None, None]
+    near = reduced_around(realisation, place, visits)
+    measured = forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
+    star_e = measured.throughput * place.core * rate_e_s * near.reduced.integration_s
+    return [float(measured.sigma_background / star_e), float(measured.throughput)]

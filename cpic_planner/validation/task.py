@@ -453,8 +453,8 @@ def images_of(instrument: Instrument) -> Instrument:
 
 # Processor times on the core of `cpic_planner.jobs.job`, bands F520 to F850, 4 to 463 frames, 1 to 30 realisations,
 # every tier: within a factor of 1.5 there.
-_SETUP_S, _SETUP_STAMPS = 1.6, 25.0  # visits, star off the mask, subjects: a fixed part, and propagations
-_SUMS_S = 0.03  # of one realisation of both roles, reduced, searched and measured
+_SETUP_S, _SETUP_STAMPS = 2.0, 25.0  # visits, star off the mask, subjects, curve: a fixed part, and propagations
+_SUMS_S = 0.04  # of one realisation of both roles, reduced, searched, measured and fitted
 _VISIT_S = 1e-3  # of one visit from the expansion of its light, drawn
 _READ_S = 3e-2  # of a frame of a file, read and registered
 _FRAME_S = {"hole": 9e-3, "full": 0.085}  # drawn, calibrated, cleaned

@@ -4,7 +4,8 @@ Predictions and measurements are compared over bands, targets and plans; positio
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -326,6 +327,7 @@ def confirmation_of(
     false_detections: int = 0,
     statistics: FrameStatistics | None = None,
     positions: Sequence[Astrometry | None] = (),
+    light: Mapping[str, float] = MappingProxyType({}),
     audit: AuditRecord | None = None,
 ) -> BandConfirmation:
     """Return the answer for planet ``number`` of a task.
@@ -349,6 +351,8 @@ def confirmation_of(
         Of frames that were run one by one; none for sums.
     positions : sequence of Astrometry or None
         Fits of the realisations that show the planet; empty where none was made.
+    light : mapping, optional
+        Fields on the star's light in the band.
     audit : AuditRecord, optional
     """
     lost = 0 if statistics is None else statistics.lost_in
@@ -399,6 +403,7 @@ def confirmation_of(
         contrast_mean_error=spread / math.sqrt(n),
         star_flux=star.method,
         star_flux_error=None if star.method == "known" else star.error_e_s / star.rate_e_s,
+        **light,
         rdi_throughput=float(np.mean([item.throughput for item in measured])),
         rdi_modes_used=measured[0].modes,
         core_throughput=core,

@@ -30,9 +30,12 @@ from cpic_planner.web.guard import Workers, line
 
 FILES = {
     "report.html": "text/html; charset=utf-8",
-    **dict.fromkeys(("ranking.csv", "measurements.csv", "astrometry.csv"), "text/csv; charset=utf-8"),
+    **dict.fromkeys(
+        ("ranking.csv", "measurements.csv", "astrometry.csv", "contrast_curve.csv"), "text/csv; charset=utf-8"
+    ),
     **dict.fromkeys(("targets.csv", "visits.csv"), "text/csv; charset=utf-8"),
     **dict.fromkeys(("ranking.ecsv", "visits.ecsv", "astrometry.ecsv", "limits.ecsv"), "text/plain; charset=utf-8"),
+    **dict.fromkeys(("photometry.ecsv", "band_covariance.ecsv", "passbands.ecsv"), "text/plain; charset=utf-8"),
     **dict.fromkeys(("plan.json", "confirm.json", "whatif.json", "rank.json"), "application/json"),
     **dict.fromkeys(("sensitivity.json", "known.json", "visits.json"), "application/json"),
 }

@@ -1,4 +1,9 @@
-from simulator.products.check import PROGRAMME_FILE as PROGRAMME_FILE, Finding as Finding, check_level0 as check_level0
+from simulator.products.check import (
+    CUBE_FOLDER as CUBE_FOLDER,
+    PROGRAMME_FILE as PROGRAMME_FILE,
+    Finding as Finding,
+    check_level0 as check_level0,
+)
 from simulator.products.ephemeris import (
     CircularOrbit as CircularOrbit,
     SequenceTimes as SequenceTimes,

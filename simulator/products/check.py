@@ -945,6 +945,8 @@ def _check_frames(report: Report, unit: Any, number: int, facts: FileFacts) -> N
 PROGRAMME_FILE = "programme.json"
 """Name of the list of the visits of a programme, beside their folders."""
 _BRANCHES = ("SCI", "CAL")
+CUBE_FOLDER = "Cubes"
+"""Name of the folder with frames for other programs, which are no Level-0 files."""
 
 
 def check_level0(path: str | Path) -> list[Finding]:
@@ -983,6 +985,8 @@ def check_level0(path: str | Path) -> list[Finding]:
     files, findings = _below(place)
     known: list[FileFacts] = []
     for file in files:
+        if CUBE_FOLDER in file.relative_to(place).parts[:-1]:
+            continue
         if file.suffix == ".part":
             findings.append(Finding(file, None, "", "is what an interrupted run left", "warning"))
         elif not file.is_file() and file.suffix != ".fits":

@@ -9,11 +9,11 @@ it that comes from the calibration and does not average out over frames. Everyth
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Record, as_path, bounded_fits, open_file, whole_file
+from cpic_core import FloatArray, InputError, NDArray, Record, as_path, bounded_fits, fingerprint, open_file, whole_file
 from simulator.camera import MaskBit
 from simulator.products.keywords import (
     Card,
@@ -21,6 +21,7 @@ from simulator.products.keywords import (
     Value,
     append_image,
     append_primary,
+    escaped,
     header_cards,
     load_keywords,
 )
@@ -34,7 +35,7 @@ NOTES = {
     "L1FILE": "Level 1 of these errors",
     "VER_PIPE": "software that reduced it",
     "STA_PIPE": "state of the reduction, 0 is complete",
-    "I_MEAN": "[electron] mean of the pixels without a mask bit",
+    "I_MEAN": "[electron] mean of good pixels",
     "I_STD": "[electron] their standard deviation",
     "BP_NAM": "bad pixels from",
     "BP_NUM": "[pix] bad, hot and warm pixels",
@@ -55,8 +56,22 @@ NOTES = {
     "LEVEL": "[adu] level of the bias of this frame",
 }
 """Comments of the keywords of the Level-1 data model and of ours, in the order of writing."""
+_MOST_TEXT = 60  # characters of a text and its comment in one card
 _BITS: list[Card] = [(f"MASK{bit.value:03d}", str(bit.name).lower(), "what this bit says") for bit in MaskBit]
-_UNREDUCED = {"NSAT", "NREGSAT", "NCLIP", "BIASLEV", "NEXTEND", "FILENAME", "BUNIT"}
+_UNREDUCED = {
+    "NSAT",
+    "NREGSAT",
+    "NCLIP",
+    "BIASLEV",
+    "EPERADU",
+    "NEXTEND",
+    "FILENAME",
+    "BUNIT",
+    "FPRINT",
+    "PARMSUM",
+    "NCR",
+    "NNEGRATE",
+}
 
 
 class Level1Frame(Record, eq=False):
@@ -110,12 +125,12 @@ class Level1(Record, eq=False):
 
     def iter_frames(self) -> Iterator[Level1Frame]:
         """Yield the frames; one is in memory at a time."""
-        for number in range(self.n_frames):
-            # Opened anew: a mapped file keeps every page that was read.
-            with _units(self.path) as units:
-                header, image = _named(units[2 * number + 1].header), _image(units[2 * number + 1])
-                mask = np.array(units[2 * number + 2].data, dtype=np.uint8)
-            yield Level1Frame(image, self.error_e, mask, header)
+        with fits_units(self.path) as units:
+            for reduced, bits in zip(units[1::2], units[2::2], strict=True):
+                yield Level1Frame(
+                    _image(reduced), self.error_e, np.array(bits.data, dtype=np.uint8), named_header(reduced.header)
+                )
+                del reduced.data, bits.data
 
 
 def level1_name(level0: Path) -> str:
@@ -147,14 +162,14 @@ def read_level1(path: str | Path) -> Level1:
     """
     place = as_path("file", path)
     errors = error_file(place)
-    with _units(place) as units:
+    with fits_units(place) as units:
         n_frames, rest = divmod(len(units) - 1, 2)
         names = [unit.name for unit in units[1:]]
         if rest or not n_frames or names != ["REDUCED", "MASK"] * n_frames:
             raise InputError("file", str(path), allowed="Level 1: pairs of units REDUCED and MASK, one pair a frame")
         shapes = {tuple(unit.shape) for unit in units[1:]}
-        header = _named(units[1].header) | _named(units[0].header)
-    with _units(errors) as units:
+        header = named_header(units[1].header) | named_header(units[0].header)
+    with fits_units(errors) as units:
         found = {unit.name: _image(unit) for unit in units[1:]}
     for name in ("ERROR", "MASTERS"):
         if name not in found or shapes != {found[name].shape}:
@@ -197,14 +212,13 @@ def write_level1(
     own: dict[str, Value] = {"VER_PIPE": f"{DISTRIBUTION} {software_version()}", "STA_PIPE": 0}
     own |= {"NFRAME": n_frames}
     with whole_file(error_file(place)) as beside, whole_file(place) as file:
-        name: list[Card] = [("FILENAME", place.name, "this file"), ("NEXTEND", 2 * n_frames, "extensions in this file")]
-        append_primary(file, [*name, *cards({**primary, **own})])
+        extensions: Card = ("NEXTEND", 2 * n_frames, "extensions in this file")
+        append_primary(file, [*identity(place), extensions, *cards({**primary, **own})])
         for number, (image, mask, values) in enumerate(frames, start=1):
             found: list[Card] = [("BUNIT", "electron", "of light at the register input"), *cards({**shared, **values})]
             append_image(file, image.astype(np.float32), found, "REDUCED", number)
             append_image(file, mask, _BITS, "MASK", number)
-        name = [("FILENAME", error_file(place).name, "this file"), ("L1FILE", place.name, NOTES["L1FILE"])]
-        append_primary(beside, name)
+        append_primary(beside, [*identity(error_file(place)), card_of("L1FILE", place.name, NOTES["L1FILE"])])
         for title, image in zip(("ERROR", "MASTERS"), errors(), strict=True):
             append_image(beside, image.astype(np.float32), [("BUNIT", "electron", "standard deviation")], title, 1)
 
@@ -214,11 +228,36 @@ def _cards(values: Mapping[str, Value], table: KeywordTable) -> list[Card]:
     known = header_cards(
         {key: value for key, value in values.items() if key not in NOTES}, table, table.profile("csst")
     )
-    return known + [(key, values[key], note) for key, note in NOTES.items() if key in values]
+    return known + [card_of(key, values[key], note) for key, note in NOTES.items() if key in values]
 
 
-def _named(header: Any) -> dict[str, Any]:
-    """Return a header by the names of the table of keywords."""
+def identity(path: Path) -> list[Card]:
+    """Return the cards that say which file this is and which code made it."""
+    return [card_of("FILENAME", path.name, "this file"), ("FPRINT", str(fingerprint()), "its fingerprint")]
+
+
+def card_of(key: str, value: Value, note: str) -> Card:
+    """Return a card; a text has its comment where both fit.
+
+    Parameters
+    ----------
+    key : str
+    value : str, int, float or bool
+    note : str
+        Comment.
+    """
+    text = escaped(value) if isinstance(value, str) else value
+    return key, text, "" if isinstance(text, str) and len(text) + len(note) > _MOST_TEXT else note
+
+
+def named_header(header: Any) -> dict[str, Any]:
+    """Return a header by the names of the table of keywords.
+
+    Parameters
+    ----------
+    header : Header
+        Of astropy.
+    """
     table = load_keywords()
     return {table.canonical(key): value for key, value in header.items() if key not in ("", "COMMENT", "HISTORY")}
 
@@ -228,15 +267,25 @@ def _image(unit: Any) -> FloatArray:
 
 
 @contextlib.contextmanager
-def _units(path: Path) -> Iterator[Any]:
-    """Open the units of a file; refused in one line if it is no FITS."""
+def fits_units(path: Path) -> Iterator[Any]:
+    """Open the units of a FITS file, each read when its data are asked for; refused in one line if it is none.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        Naming the file and the damage.
+    """
     from astropy.io import fits
 
-    allowed = "a FITS file of Level 1"
-    file: IO[bytes]
+    allowed = "a FITS file that is not packed"
     with open_file(path, key="file", allowed=allowed, max_bytes=_MOST_BYTES) as file:
         try:
-            with fits.open(bounded_fits(file), memmap=True) as units:
+            # Not mapped: a mapped file keeps every page that was read.
+            with fits.open(bounded_fits(file), memmap=False) as units:
                 len(units)
                 yield units
         except (*_UNREADABLE, fits.VerifyError) as error:

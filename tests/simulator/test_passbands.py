@@ -13,7 +13,7 @@ from catalogs import Albedo, Band, Spectrum, load_albedo, load_bands, load_pickl
 from catalogs.spectra import PLANETS, Curve
 from simulator import load_instrument
 from simulator.imaging.store import metrics_key
-from simulator.passbands import Passbands, gauss_rule, v_photon_rate, vega_v_photon_rate
+from simulator.passbands import Passbands, band_flux_density, gauss_rule, v_photon_rate, vega_v_photon_rate
 from simulator.target import star_photlam, stellar_spectrum
 
 AREA_CM2 = 31416.0
@@ -517,3 +517,21 @@ def test_first_targets_are_as_red_as_measured_spectra_of_their_colour(
             unlike[target["star"]] = worst
     assert set(unlike) == set(UNLIKE_THEIR_TEMPLATE)
     assert max(unlike.values()) < 0.10
+
+
+@pytest.mark.parametrize("name", ["F520", "F850", "F1542"])
+def test_flux_density_is_synphots(passbands: Passbands, name: str) -> None:
+    from synphot import Observation, SpectralElement
+    from synphot.models import Empirical1D
+
+    star = stellar_spectrum(5.0, "K1V")
+    band = passbands.bands[passbands.index(name)]
+    low, high = (10.0 * edge for edge in band.support_nm)
+    curve = Empirical1D(points=[low - 1e-4, low, high, high + 1e-4], lookup_table=[0.0, 0.2, 0.2, 0.0])
+    source = star_photlam(5.0, "K1V")
+    bins = np.arange(low - 50.0, high + 50.0, 0.25)
+    seen = Observation(source, SpectralElement(curve), binset=bins)
+    flux, wavelength_nm = band_flux_density(band, star)
+    # 1 erg/s/cm2/A is 10 W/m2/um.
+    assert flux == pytest.approx(10.0 * seen.effstim("flam").value, rel=1e-3)
+    assert 10.0 * wavelength_nm == pytest.approx(seen.effective_wavelength().value, rel=1e-4)

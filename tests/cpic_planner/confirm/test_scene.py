@@ -21,6 +21,7 @@ from cpic_planner.etc import (
     reference_distance_au,
     usable_range_arcsec,
 )
+from cpic_planner.jobs import check_tree
 from cpic_planner.jobs.job import run_tasks
 from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
 from cpic_planner.results import BandConfirmation, ConfirmResult
@@ -315,6 +316,7 @@ def finished(tmp_path_factory):
 def test_products_are_whole(finished):
     for name in PRODUCTS:
         assert (finished / name).stat().st_size > 100, name
+    assert check_tree(finished) == []
     assert not list(finished.glob("*.tmp*"))
     result = ConfirmResult.model_validate_json((finished / "confirm.json").read_text())
     (band,) = result.bands
@@ -351,6 +353,21 @@ def test_places_are_told_with_their_day_and_covariance(finished):
     assert mixed == pytest.approx(first["separation_pa_correlation"], abs=1e-9)
     csv = Table.read(finished / "astrometry.csv", format="ascii.csv")
     assert list(csv["sep"]) == pytest.approx([1e3 * first["separation_arcsec"]])
+
+
+def test_curve_is_the_limit_of_the_planets_ring(finished):
+    result = ConfirmResult.model_validate_json((finished / "confirm.json").read_text())
+    (band,) = result.bands
+    table = Table.read(finished / "contrast_curve.ecsv", format="ascii.ecsv")
+    assert list(table["separation_arcsec"]) == [row.separation_arcsec for row in result.searches[0].curve]
+    assert table.meta["sigma"] == 5.0
+    there = np.interp(band.separation_arcsec, table["separation_arcsec"], table["contrast_limit"])
+    # Another quadrant of the same ring: the scatter of some twenty sums is known to 16 %.
+    assert there == pytest.approx(band.observations[0].contrast_limit, rel=0.5)
+    assert (
+        Table.read(finished / "contrast_curve.csv", format="ascii.csv")["contrast_limit"][3]
+        == table["contrast_limit"][3]
+    )
 
 
 def test_started_again_it_keeps_what_is_finished_and_gives_the_same_bytes(finished):

@@ -1,11 +1,14 @@
 """Level-1 files measured: whose they are, how they are registered, and that what is found is what was there."""
 
+import json
+
 import numpy as np
 import pytest
 from astropy.table import Table
 
 from cpic_core import InputError
 from cpic_planner.confirm import confirm_scene
+from cpic_planner.confirm.files import measured_files
 from cpic_planner.jobs import check_tree
 from cpic_planner.queries import ConfirmQuestion
 from cpic_planner.validation import level1_files, level1_programmes
@@ -76,6 +79,29 @@ def test_visits_are_told_apart_by_headers_and_patterns(tmp_path):
     assert programme.visits["off_mask"][0][0].path.name == "d.fits"
     with pytest.raises(InputError, match="science visit in F520"):
         level1_programmes(tmp_path, ["F520"], ["night"])
+
+
+def test_the_scene_is_that_of_the_parameters_of_the_same_observation(tmp_path):
+    """And of no other that has its number; without one, the star alone is known."""
+    own = {"OBSID": "40000000001", "SCENHASH": "a" * 16, "CONFHASH": "b" * 16}
+    for number, planet in enumerate((False, True)):
+        header = own | {"SCENHASH": own["SCENHASH"] if planet else "c" * 16}
+        tree = {"header": header, "scene": scenes(planet=planet)[0].model_dump(mode="json")}
+        tree["instrument"] = load_instrument({"name": "other"}).model_dump(mode="json")
+        place = tmp_path / str(number) / "Params" / own["OBSID"] / "V01" / "configuration.json"
+        place.parent.mkdir(parents=True)
+        place.write_text(json.dumps(tree))
+    small(tmp_path / "a.fits", ROLE="science", **own)
+    small(tmp_path / "b.fits", ROLE="reference")
+    files = measured_files(ConfirmQuestion.of({"from_products": tmp_path}), tmp_path)
+    assert [planet.name for planet in files.question.looked_at.planets] == ["planet"]
+    assert files.question.instrument.name == "other"
+    assert not files.bare
+    small(tmp_path / "bare" / "a.fits", ROLE="science", OBJECT="tau Cet")
+    small(tmp_path / "bare" / "b.fits", ROLE="reference")
+    files = measured_files(ConfirmQuestion.of({"from_products": tmp_path}), tmp_path / "bare")
+    assert files.bare
+    assert files.question.looked_at.name == "tau Cet"
 
 
 @pytest.mark.parametrize(
