@@ -54,8 +54,8 @@ def test_bytes_do_not_depend_on_the_number_of_threads_nor_on_where_and_when(tmp_
 NEED_NONE = {
     "cpic_planner": set(
         """
-        check_level0 lambert_phase load_instrument load_known_planets load_population load_scene load_strategies
-        load_targets planet_contrast save_psf scenes_from_table stream
+        check_level0 compare_answers lambert_phase load_instrument load_known_planets load_population load_scene
+        load_strategies load_targets planet_contrast read_level1 save_psf scenes_from_table stream
     """.split()
     )
 }
