@@ -34,7 +34,7 @@ from cpic_planner.validation.realise import (
 )
 from cpic_planner.validation.registration import LEAST_PIXELS, Shift, measured_shift, moved, star_light
 from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch
-from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
+from cpic_planner.validation.star_flux import StarFlux, is_far, observe_off_mask, star_flux_off_mask
 from simulator.camera import MaskBit
 from simulator.observing import Observation, Role
 from simulator.reduction import fits_units, named_header
@@ -320,7 +320,7 @@ def _cut(files: Iterable[Level1File], seen: Observation, shape: tuple[int, int],
         place = tuple(slice(low, low + side) for low, side in zip(first, shape, strict=True))
         for image, mask in one.frames():
             if min(first) < 0 or image[place].shape != shape:
-                allowed = f"a star at least {centre[0]} pixels from the edges of the image"
+                allowed = f"places of mask and star whose {shape[0]} x {shape[1]} pixels around are in the image"
                 raise InputError(f"{one.path.name}: CRPIX1, CRPIX2", (x + 1, y + 1), unit="px", allowed=allowed)
             rests.append((x - round(x), y - round(y)))
             images.append(image[place])
@@ -455,7 +455,12 @@ def star_of_files(visits: VisitPair, programme: Level1Programme) -> StarFlux | N
         em_gain=float(files[0].header.get("EMGAIN") or 1.0),
         offset_arcsec=files[0].star_offset_arcsec,
     ).unwrap()
-    frames, _ = _cut(files, seen, seen.shape, seen.area.centre)
+    shape, centre = seen.shape, seen.area.centre
+    if is_far(seen.psf, seen.star_offset_arcsec):
+        side = len(seen.psf.off_axis)
+        x, y = (round(part / seen.psf.geometry.pixel_scale_arcsec) for part in seen.star_offset_arcsec)
+        shape, centre = (side, side), (side // 2 - y, side // 2 - x)
+    frames, _ = _cut(files, seen, shape, centre)
     answer = star_flux_off_mask(seen, frames)
     if answer.value is None:
         raise InputError(

@@ -21,6 +21,7 @@ from cpic_planner.validation.frames import (
     transferred,
 )
 from cpic_planner.validation.photometry import aperture_weights
+from cpic_planner.validation.registration import moved
 from simulator.config import AnyDetector, Instrument, Scene, load_instrument, load_scene
 from simulator.imaging import AnyPsf, single_band_psf
 from simulator.observing import Observation, observe
@@ -125,6 +126,19 @@ def off_mask_exposure_s(
     return Outcome.ok(exposure, unit="s")
 
 
+def is_far(psf: AnyPsf, offset_arcsec: tuple[float, float]) -> bool:
+    """Return whether a star off the mask is beyond the stamp of the point-spread function about the mask.
+
+    Parameters
+    ----------
+    psf : Psf or TablePsf
+    offset_arcsec : tuple of float
+        Place of the star relative to the centre of the mask, x and y on the detector.
+    """
+    half = (len(psf.off_axis) // 2) * psf.geometry.pixel_scale_arcsec
+    return max(map(abs, offset_arcsec)) > half - psf.geometry.aperture_radius_arcsec
+
+
 def observe_off_mask(
     scene: Scene | Mapping[str, Any] | str | Path,
     band: str,
@@ -164,7 +178,7 @@ def observe_off_mask(
     if exposure_s is None:
         optics = single_band_psf(band, fidelity=settings.get("fidelity", "standard"), instrument=config)
         rate = scene_sources(scene, config, band)[0].rate_e_s
-        peak = float(optics.at(*offset).max())
+        peak = float((optics.off_axis if is_far(optics, offset) else optics.at(*offset)).max())
         answer = off_mask_exposure_s(rate, peak, config.detector_of(band), em_gain=em_gain)
         if answer.value is None:
             return Outcome.refuse(answer.status, answer.reason, answer.message)
@@ -192,7 +206,8 @@ def star_flux_off_mask(observation: Observation, frames: CalibratedFrames | None
     observation : Observation
         With the star off the mask (`observe_off_mask`).
     frames : CalibratedFrames, optional
-        Its frames, where they are not to be drawn: those of files.
+        Its frames, where they are not to be drawn: those of files. Of a star that `is_far`, stamps of the size of the
+        point-spread function, the star's pixel in the middle.
 
     Returns
     -------
@@ -202,27 +217,51 @@ def star_flux_off_mask(observation: Observation, frames: CalibratedFrames | None
     Raises
     ------
     InputError
-        If the aperture leaves the stamp of the point-spread function, or the star stands behind the mask.
+        If the star stands behind the mask, or its stamp leaves the frames.
 
     Notes
     -----
     Frames are calibrated and cosmic rays taken out. The aperture of the instrument is laid on the commanded place of
-    the star, less a ring of 5 to 8 lambda/D as background; the same sum over the point-spread function at that place,
-    after the transfers of the camera, is the core throughput. So neither the star's own wings in the ring, nor pixels
-    without a usable frame, nor the place within a pixel bias the rate. The error is that of the counts in these pixels
-    (`CalibratedFrames.variance_e2`); that of the model of the point-spread function is not in it. Left alone: the
-    wavefront's drift, and the curve of the pixels before the transfers, each 1e-5 of the rate.
+    the star, less a ring of 5 to 8 lambda/D as background; the same sum over the point-spread function at that place
+    (far from the mask, over that without a mask), after the transfers of the camera, is the core throughput. So neither
+    the star's own wings in the ring, nor pixels without a usable frame, nor the place within a pixel bias the rate. The
+    error is that of the counts in these pixels (`CalibratedFrames.variance_e2`); that of the model of the point-spread
+    function is not in it. Left alone: the wavefront's drift, and the curve of the pixels before the transfers, each
+    1e-5 of the rate.
     """
-    frames = frames or calibrated_frames(observation)
+    offset = observation.star_offset_arcsec
+    refused = InputError(
+        "star_offset_arcsec",
+        offset,
+        unit="arcsec",
+        allowed="a place off the mask",
+        hint="along a diagonal, beyond 0.35 arcsec",
+    )
+    far, middle = is_far(observation.psf, offset), len(observation.psf.off_axis) // 2
+    if far and min(map(abs, offset)) < min(off_mask_arcsec(observation.instrument, observation.band)):
+        raise refused
+    drawn, frames = frames is None, frames or calibrated_frames(observation)
     summed = combine(frames.electrons, frames.usable & ~rejected_in(frames).rejected)
-    template = observation.psf.at(*observation.star_offset_arcsec)
-    rows, columns, part = observation.area.stamp(len(template))
     first_row, first_column = observation.first_pixel or (0, 0)
+    if far:
+        x, y = (part / observation.psf.geometry.pixel_scale_arcsec for part in offset)
+        template = moved(observation.psf.off_axis, x - round(x), y - round(y))
+        row, column = observation.area.centre
+        start = row + round(y) - middle, column + round(x) - middle
+        rows, columns = (slice(first, first + len(template)) for first in (start if drawn else (0, 0)))
+        part = slice(0, len(template)), slice(0, len(template))
+        if min(rows.start, columns.start) < 0 or summed.covered[rows, columns].shape != template.shape:
+            allowed = f"a place with {len(template)} x {len(template)} pixels of the frames around it"
+            raise InputError("star_offset_arcsec", offset, unit="arcsec", allowed=allowed)
+    else:
+        template = observation.psf.at(*offset)
+        rows, columns, part = observation.area.stamp(len(template))
+        start = rows.start, columns.start
     response, alive = frames.response[rows, columns], np.any(frames.electrons[:, rows, columns], axis=0)
-    corner = (first_row + rows.start, first_column + columns.start)
+    corner = (first_row + start[0], first_column + start[1])
     template = transferred(template[part] * response * alive, frames.detector, corner) / response
     seen = summed.covered[rows, columns]
-    aperture, weights = _weights(observation, template.shape, (rows.start, columns.start), seen)
+    aperture, weights = _weights(observation, template.shape, start, seen)
     lost = frames.n_lost[rows, columns][aperture > 0]
     if lost.max() > MOST_LOST * frames.n_frames:
         cut = f"{np.count_nonzero(lost)} pixels of the aperture are cut off in up to {lost.max()}"
@@ -230,10 +269,7 @@ def star_flux_off_mask(observation: Observation, frames: CalibratedFrames | None
         return Outcome.refuse(Status.SATURATED, _limit(observation, template), text, unit="e-/s")
     core = float(np.sum(weights * template))
     if not core > 0.01 * _open_core(observation.psf):
-        allowed = "a place off the mask"
-        hint = "along a diagonal, beyond 0.35 arcsec"
-        offset = observation.star_offset_arcsec
-        raise InputError("star_offset_arcsec", offset, unit="arcsec", allowed=allowed, hint=hint)
+        raise refused
     light = np.where(summed.covered, summed.image_e, 0.0)
     variance = frames.n_frames * frames.variance_e2(light / frames.n_frames) * summed.variance_factor
     flux = float(np.sum(weights * light[rows, columns]))

@@ -58,6 +58,16 @@ def test_whole_frames_serve_too() -> None:
     assert abs(star.rate_e_s / seen.truth.sources[0].rate_e_s - 1.0) < 4 * star.error_e_s / star.rate_e_s
 
 
+def test_a_star_far_from_the_mask_is_measured_alone() -> None:
+    """Beyond the stamp about the mask, off the centre of a pixel; behind an arm of the cross it is refused."""
+    seen = observe_off_mask(SCENE, "F662", n_frames=2, offset_arcsec=(2.003, -1.994), window="full").unwrap()
+    star, true = star_flux_off_mask(seen).unwrap(), seen.truth.sources[0].rate_e_s
+    assert abs(star.rate_e_s - true) < 4 * star.error_e_s + 1e-4 * true
+    behind = observe_off_mask(SCENE, "F662", n_frames=1, exposure_s=0.01, offset_arcsec=(2.0, 0.1), window="full")
+    with pytest.raises(InputError, match="off the mask"):
+        star_flux_off_mask(behind.unwrap())
+
+
 @pytest.mark.parametrize("pixels", [1, 2])
 def test_a_dead_column_leaves_nothing_behind(pixels: int) -> None:
     """A star so far behind the column that is dead in this window, with ten times the losses of the register."""
