@@ -19,7 +19,7 @@ from cpic_planner.schemas import RESULTS
 
 _MOST_BYTES, _LONGEST, _NAMED = 400_000_000, 80, 5
 _ALLOWED = "the folder of a run, or an answer as --json prints it"
-_ABOUT = frozenset(("schema_version", "kind", "config_hash", "fingerprint", "version", "note", "notes"))
+_ABOUT = frozenset(("schema_version", "kind", "config_hash", "fingerprint", "version", "note", "notes", "not_modelled"))
 _OUTCOMES = {
     *("best_band", "calibration", "calibration_text", "counts", "counts_limited_by", "n_in_catalogue", "n_ranked"),
     *("sample", "statement", "leading_planet", "slot_utc", "sources"),
@@ -190,6 +190,7 @@ def _kind(quantity: str) -> int:
 def _question(before: Compared, after: Compared) -> list[results.SettingChange]:
     """Return what differs in what two answers, and the commands of their runs, say of the questions."""
     found = differing(_asked(before.result), _asked(after.result))
+    found = [change for change in found if not change.key.endswith(".statement")]  # which follows from the rest
     if before.command and after.command:
         said = [change.key.rpartition(".")[2] for change in found]
         old, new = (_options(item.command) for item in (before, after))
@@ -337,6 +338,11 @@ def _begin(verdict: str | None) -> str:
     return "none" if verdict is None else re.split(r"[;(]", verdict)[0].strip().replace("_", " ")
 
 
+def _words(verdict: str) -> str:
+    """Return a verdict without its numbers: what it says where only these differ."""
+    return re.sub(r"[\d.]+", "", verdict)
+
+
 def _statement(
     settings: Sequence[results.SettingChange],
     software: Sequence[str],
@@ -360,7 +366,7 @@ def _statement(
             f"row{'s' * (rows != 1)} that both have."
         )
     verdicts = [(one.row, _begin(one.before), _begin(one.after)) for one in changes if _is_verdict(one)]
-    if told := [f"{row} ({was} to {now})" for row, was, now in verdicts if was != now]:
+    if told := [f"{row} ({was} to {now})" for row, was, now in verdicts if _words(was) != _words(now)]:
         words.append(f"The verdict changes for {listed(told, _NAMED)}.")
     for side, names in (("first", only_before), ("second", only_after)):
         if names:

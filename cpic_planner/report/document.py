@@ -386,7 +386,7 @@ WITH_UNIT = ("time", "bytes")
 """Formats that write the unit themselves."""
 
 
-_UNITS = {"AU": "au", "solLum": "L☉"}
+_UNITS = {"AU": "au", "solLum": "L☉", "electron": "e-", "electron/s": "e-/s"}
 """Units as people write them, where astropy has another way."""
 
 

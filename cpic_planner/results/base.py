@@ -315,13 +315,14 @@ UNITS = {
     "per_hour": "1/h",
     "deg_s": "deg/s",
     "m_s": "m/s",
+    "e_s": "electron/s",
     "arcsec": "arcsec",
     "days": "d",
     "bytes": "byte",
     "mjup": "M_jup",
 }
 UNITS |= {"rjup": "R_jup", "lsun": "solLum", "mag": "mag", "deg": "deg", "mb": "Mbyte", "gb": "Gbyte", "pc": "pc"}
-UNITS |= {"au": "AU", "nm": "nm", "km": "km", "s": "s", "h": "h"}
+UNITS |= {"au": "AU", "nm": "nm", "km": "km", "s": "s", "h": "h", "e": "electron"}
 """Unit of a number by the last words of its name, as astropy reads it; longer suffixes stand first."""
 
 

@@ -145,7 +145,7 @@ def test_targets_of_make_exist():
         assert set(re.findall(r"^make ([a-z-]+)", block.text, re.MULTILINE)) <= targets, named(block)
 
 
-# Proofs run what pages show with fewer draws, as the notebooks; the last of two values of an option counts.
+# Proofs run what pages show with fewer draws, as the notebooks; these values stand in the place of those of the page.
 FEWER = {
     "plan": ["--top", "1", "--realisations", "1", "--fidelity", "quick", "--force"],
     "confirm": ["--realisations", "1", "--fidelity", "quick"],
@@ -161,7 +161,13 @@ def fewer(given):
     own = list(FEWER.get(given[0], []))
     if "--tolerance" in given and "--fidelity" in own:
         del own[own.index("--fidelity") : own.index("--fidelity") + 2]
-    return [*given, *own, *(["--instruments", "4"] if "--instruments" in given else []), "-q"]
+    own += ["--instruments", "4"] if "--instruments" in given else []
+    kept = list(given)
+    for option, value in zip(own, [*own[1:], ""], strict=True):
+        while option.startswith("--") and option in kept:
+            at = kept.index(option)
+            del kept[at : at + 1 + (not value.startswith("--") and bool(value))]
+    return [*kept, *own, "-q"]
 
 
 @pytest.mark.pages
