@@ -1,6 +1,7 @@
 """Blocks of code in the README and the pages can be run as they stand; ``make pages`` runs those that take long."""
 
 import contextlib
+import itertools
 import re
 import shlex
 
@@ -158,12 +159,12 @@ LEFT_OUT = ("catalog refresh", "serve", "tradeoff", "--scheduler", "paper_exposu
 
 def fewer(given):
     """Return the words of a command with fewer draws."""
-    own = list(FEWER.get(given[0], []))
+    own = [] if "--from-products" in given else list(FEWER.get(given[0], []))
     if "--tolerance" in given and "--fidelity" in own:
         del own[own.index("--fidelity") : own.index("--fidelity") + 2]
     own += ["--instruments", "4"] if "--instruments" in given else []
     kept = list(given)
-    for option, value in zip(own, [*own[1:], ""], strict=True):
+    for option, value in itertools.pairwise([*own, ""]):
         while option.startswith("--") and option in kept:
             at = kept.index(option)
             del kept[at : at + 1 + (not value.startswith("--") and bool(value))]
