@@ -74,8 +74,7 @@ class Level1File(Record):
         """
         with fits_units(path) as units:
             headers = [unit.header for unit in units if unit.is_image and unit.header.get("NAXIS") == 2]
-            every = {**(headers[0] if headers else {}), **units[0].header}
-        header = named_header(every)
+            header = (named_header(headers[0]) if headers else {}) | named_header(units[0].header)
         images = sum(one["BITPIX"] < 0 and not _is_error(one) for one in headers)
         paired = images == sum(one["BITPIX"] > 0 for one in headers)
         return cls(path, header, images if paired and header.get("OBSTYPE", _KINDS[0]) in _KINDS else 0)

@@ -251,15 +251,16 @@ def card_of(key: str, value: Value, note: str) -> Card:
 
 
 def named_header(header: Any) -> dict[str, Any]:
-    """Return a header by the names of the table of keywords.
+    """Return a header by the names of the table of keywords, the values as they stand in the cards.
 
     Parameters
     ----------
     header : Header
-        Of astropy.
+        Of astropy. Its items have a text such as ``"mode: 3"`` as a number under another keyword.
     """
     table = load_keywords()
-    return {table.canonical(key): value for key, value in header.items() if key not in ("", "COMMENT", "HISTORY")}
+    cards = [card for card in header.cards if card.rawkeyword not in ("", "COMMENT", "HISTORY")]
+    return {table.canonical(card.rawkeyword): card.rawvalue for card in cards}
 
 
 def _image(unit: Any) -> FloatArray:

@@ -50,6 +50,12 @@ def test_a_foreign_night_is_reduced_within_its_errors(night, tmp_path):
     )
 
 
+def test_a_text_with_a_colon_stays_a_text(tmp_path):
+    header = fits.Header({"OBSTYPE": "SCI", "EXPTIME": 5.0, "OBJECT": "HD: 40307"})
+    fits.PrimaryHDU(np.zeros((64, 80), dtype=np.uint16), header=header).writeto(tmp_path / "colon.fits")
+    assert read_level0(tmp_path / "colon.fits", INSTRUMENT).header["OBJECT"] == "HD: 40307"
+
+
 def test_without_masters_the_header_is_used_and_said(night, tmp_path):
     level0 = read_level0(night.paths["SCI"], INSTRUMENT)
     made = reduce_sequence(level0, Masters({}, {}), tmp_path / "a_L1.fits")
