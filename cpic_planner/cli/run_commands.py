@@ -35,9 +35,10 @@ def plan(question: queries.PlanQuestion, output: ImagesOutput) -> None:
     plan proposes the first of these, and each keeps its rank in the whole ranking beside.
 
     Writes plan.json, sensitivity.json, known.json (known planets of the first stars, where there are any), run.json,
-    ranking.csv, ranking.ecsv, measurements.csv, astrometry.csv (as orbitize! reads it), astrometry.ecsv, limits.ecsv
-    (what was not detected), photometry.ecsv with band_covariance.ecsv, passbands and report.html into --out. Stopped
-    half way, it continues when started again on the same folder; the result is the same for any number of workers.
+    ranking.csv, ranking.ecsv, measurements.csv and report.html into --out, and into its folder export astrometry.csv
+    (as orbitize! reads it), astrometry.ecsv, limits.ecsv (what was not detected), photometry.ecsv with
+    band_covariance.ecsv, and passbands. Stopped half way, it continues when started again on the same folder, also with
+    another --top; the result is the same for any number of workers.
 
     Examples:
 
@@ -109,10 +110,11 @@ def confirm(question: queries.ConfirmQuestion, output: ImagesOutput) -> None:
 
     Visits and frames are those of highest SNR within --time-s, as cpic etc --time-s chooses them, for the first planet
     of the scene that is in the dark hole; --visits, --visit-time-s, --exposure-s, --frames and --em-gain fix them. Part
-    of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, astrometry.csv (as
-    orbitize! reads it), astrometry.ecsv, limits.ecsv (what was not detected), photometry.ecsv,
-    band_covariance.ecsv, passband-BAND.txt, passbands.ecsv, spectrum-N.txt (as TauREx reads it), contrast_curve.csv,
-    report.html, panels-BAND.png and run.json; stopped half way, it continues when started again on the same folder.
+    of the time that they leave unused is told. With --out it writes confirm.json, measurements.csv, report.html,
+    panels-BAND.png and run.json, and into its folder export astrometry.csv (as orbitize! reads it), astrometry.ecsv,
+    limits.ecsv (what was not detected), photometry.ecsv, band_covariance.ecsv, passband-BAND.txt, passbands.ecsv,
+    spectrum-N.txt (as TauREx reads it) and contrast_curve.csv; stopped half way, it continues when started again on
+    the same folder.
 
     With --from-products, frames are those of Level-1 files (cpic reduce writes them; so may any program: an image in
     electrons and a mask for each frame): registered by the light that the mask leaves, reduced, searched and measured

@@ -39,6 +39,7 @@ from cpic_planner.report.drawing import (
     save as save,
     style as style,
 )
+from cpic_planner.report.export import EXPORT as EXPORT
 from cpic_planner.report.files import (
     PANELS as PANELS,
     SOURCES_FILES as SOURCES_FILES,

@@ -23,11 +23,13 @@ from cpic_planner.results import BandConfirmation, LimitRow, ObservationRow
 from simulator.config import Instrument
 from simulator.passbands import Passbands
 
+EXPORT = "export/"
+"""Folder of the files, in that of the run."""
 ASTROMETRY = ("astrometry.csv", "astrometry.ecsv", "limits.ecsv")
 PHOTOMETRY = ("photometry.ecsv", "band_covariance.ecsv", "passbands.ecsv")
 CURVES = ("contrast_curve.csv", "contrast_curve.ecsv")
-EXPORT_PRODUCTS = (*ASTROMETRY, *PHOTOMETRY, *CURVES)
-"""Names of the files; those that would be empty are not written."""
+EXPORT_PRODUCTS = tuple(EXPORT + name for name in (*ASTROMETRY, *PHOTOMETRY, *CURVES))
+"""Places of the files; those that would be empty are not written."""
 PASSBAND, SPECTRUM = "passband-{band}.txt", "spectrum-{number}.txt"
 """Names of the curve of a band, and of the contrasts of a planet of a scene."""
 STAR_FLUX_ERROR = 0.025
@@ -255,7 +257,8 @@ def observations_ecsv(result: AnyImages, *, detected: bool) -> str:
 def export_products(bands: Iterable[str], planets: int) -> list[str]:
     """Return the names of all files, for some bands and so many planets of a scene."""
     spectra = [SPECTRUM.format(number=number + 1) for number in range(planets)]
-    return [*EXPORT_PRODUCTS, *(PASSBAND.format(band=band) for band in bands), *spectra]
+    own = [*(PASSBAND.format(band=band) for band in bands), *spectra]
+    return [*EXPORT_PRODUCTS, *(EXPORT + name for name in own)]
 
 
 def write_export(folder: RunFolder, result: AnyImages, instrument: Instrument) -> None:
@@ -295,4 +298,4 @@ def write_export(folder: RunFolder, result: AnyImages, instrument: Instrument) -
         tables |= {SPECTRUM.format(number=items[0].number): spectrum_txt(items) for items in _first(result)}
     for name, text in tables.items():
         if text and not (name == "astrometry.csv" and text.count("\n") == 1):
-            folder.write(name, text)
+            folder.write(EXPORT + name, text)

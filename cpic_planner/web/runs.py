@@ -157,12 +157,13 @@ def _run_of(place: Path) -> RunAnswer | None:
         return None
     if kind not in _KINDS or not config_hash.isalnum():
         return None
-    files = {name: place / name for name in FILES if name in digests and (place / name).is_file()}
+    places = {name.removeprefix(report.EXPORT): name for name in digests if (place / name).is_file()}
+    files = {name: place / places[name] for name in FILES if name in places}
     date_utc, whole_hash = _ended(place / "run.json") if "run.json" in digests else ("", "")
     config_hash = whole_hash if whole_hash.isalnum() else config_hash
     state = "finished" if date_utc and f"{kind}.json" in files else "running" if _is_held(place) else "not finished"
     told = {"title": place.name, "kind": kind, "state": state, "date_utc": date_utc, "config_hash": config_hash}
-    return _run(files, digests, **told)
+    return _run(files, {name: digests[places[name]] for name in files}, **told)
 
 
 def _ranking_of(path: Path) -> RunAnswer | None:

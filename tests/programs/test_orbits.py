@@ -63,8 +63,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def test_orbitize_covers_the_elements(files: list[Path], program: Callable[..., Path]) -> None:
     python = program("orbitize==3.4.0", "astropy==8.0.2", "numpy==2.4.6")
     asked = {
-        "csv": [str(folder / "astrometry.csv") for folder in files],
-        "ecsv": [str(folder / "astrometry.ecsv") for folder in files],
+        "csv": [str(folder / "export" / "astrometry.csv") for folder in files],
+        "ecsv": [str(folder / "export" / "astrometry.ecsv") for folder in files],
         "draws": list(range(1, DRAWS + 1)),
         "true": TRUE,
         "seed": 5,

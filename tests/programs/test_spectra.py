@@ -19,11 +19,11 @@ EDGES_UM = {"F520": (0.495, 0.545), "F662": (0.6345, 0.6895), "F720": (0.71, 0.7
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Confirm the planet of the paper in four bands."""
+    """Confirm the planet of the paper in four bands; return the folder of what is exported."""
     out = tmp_path_factory.mktemp("bands") / "scene"
     frames = {"exposure_s": 9.5, "n_frames": 60, "em_gain": 150.0, "visits": 1}
     cpic_planner.confirm_scene("paper_example", out=out, realisations=2, audit=False, **frames)
-    return out
+    return out / "export"
 
 
 def told_by(python: Path, script: str, *arguments: Path, cwd: Path) -> Any:

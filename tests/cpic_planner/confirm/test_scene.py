@@ -329,7 +329,7 @@ def test_products_are_whole(finished):
 def test_places_are_told_with_their_day_and_covariance(finished):
     result = ConfirmResult.model_validate_json((finished / "confirm.json").read_text())
     (band,) = result.bands
-    table = Table.read(finished / "astrometry.ecsv", format="ascii.ecsv")
+    table = Table.read(finished / "export" / "astrometry.ecsv", format="ascii.ecsv")
     assert len(table) == len(band.observations) == 2
     first = table[0]
     assert first["separation_arcsec"] == pytest.approx(np.hypot(first["east_arcsec"], first["north_arcsec"]), rel=1e-12)
@@ -351,21 +351,21 @@ def test_places_are_told_with_their_day_and_covariance(finished):
     assert np.degrees(errors[1] / first["separation_arcsec"]) == pytest.approx(first["pa_error_deg"], rel=1e-9)
     mixed = along @ covariance @ across / errors.prod()
     assert mixed == pytest.approx(first["separation_pa_correlation"], abs=1e-9)
-    csv = Table.read(finished / "astrometry.csv", format="ascii.csv")
+    csv = Table.read(finished / "export" / "astrometry.csv", format="ascii.csv")
     assert list(csv["sep"]) == pytest.approx([1e3 * first["separation_arcsec"]])
 
 
 def test_curve_is_the_limit_of_the_planets_ring(finished):
     result = ConfirmResult.model_validate_json((finished / "confirm.json").read_text())
     (band,) = result.bands
-    table = Table.read(finished / "contrast_curve.ecsv", format="ascii.ecsv")
+    table = Table.read(finished / "export" / "contrast_curve.ecsv", format="ascii.ecsv")
     assert list(table["separation_arcsec"]) == [row.separation_arcsec for row in result.searches[0].curve]
     assert table.meta["sigma"] == 5.0
     there = np.interp(band.separation_arcsec, table["separation_arcsec"], table["contrast_limit"])
     # Another quadrant of the same ring: the scatter of some twenty sums is known to 16 %.
     assert there == pytest.approx(band.observations[0].contrast_limit, rel=0.5)
     assert (
-        Table.read(finished / "contrast_curve.csv", format="ascii.csv")["contrast_limit"][3]
+        Table.read(finished / "export" / "contrast_curve.csv", format="ascii.csv")["contrast_limit"][3]
         == table["contrast_limit"][3]
     )
 
