@@ -262,7 +262,7 @@ def _rows(result: Any, above: str = "") -> dict[str, dict[str, Any]]:
     own: dict[str, Any] = {}
     found = {above: own}
     for name, value in vars(result).items():
-        if name in _ABOUT | _ASKED or name == "settings" or (not above and name not in _OUTCOMES and not _holds_rows(value)):
+        if name in _ABOUT | _ASKED | {"settings"}:
             continue
         if _holds_rows(value):
             seen: Counter[str] = Counter()
@@ -275,7 +275,7 @@ def _rows(result: Any, above: str = "") -> dict[str, dict[str, Any]]:
                     found.setdefault(key, {}).update(values)
                 if not above and place and name != "answers":
                     found[label]["order"] = place + 1
-        else:
+        elif above or name in _OUTCOMES:
             own |= dict(_values(value, name))
     return {key: values for key, values in found.items() if values}
 

@@ -64,7 +64,6 @@ class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.St
         'Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700" ...; or known planet: "eps Eri b", "47 UMa c" ..., at '
         "its place and contrast of {date_utc}; or any name of a star of your own, with {v_mag}.",
         argument=True,
-        command=str,
         several=False,
         unset=f"{OWN_STAR}, where {{v_mag}} is given",
         accepts="str or sequence of str",
