@@ -22,8 +22,18 @@ from cpic_planner.api.functions import catalogue_of, model_of, shipped_star, sta
 from cpic_planner.etc import EtcModel, etc_result, questions, reference_notes
 from cpic_planner.queries import MAX_VISITS, EtcQuestion, ReferencePlanet, called, observed_utc
 from cpic_planner.queries.etc import PLACES
-from cpic_planner.results import EtcAnswer, EtcResult, KnownPlanetLook, OpenQuantiles, Quantiles
+from cpic_planner.results import (
+    AnsweredStar,
+    EtcAnswer,
+    EtcFidelity,
+    EtcResult,
+    EtcStarsResult,
+    KnownPlanetLook,
+    OpenQuantiles,
+    Quantiles,
+)
 from cpic_planner.targets import Targets, find_target
+from simulator.config import content_hash
 from simulator.target import albedo_source
 
 if TYPE_CHECKING:
@@ -529,3 +539,50 @@ def answered(question: EtcQuestion, working: Working = _unseen) -> Answered:
     result = etc_result(model, star, found, asked=asked_for, dial=question.dial, seed=seed, **labels)
     placed = known is not None or any(getattr(question, place) is not None for place in PLACES)
     return Answered(question, model, star, result, placed)
+
+
+def answered_stars(question: EtcQuestion, working: Working = _unseen) -> tuple[EtcStarsResult, bool]:
+    """Answer a question about several stars or known planets, each as `answered` does; and whether one is found.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    working : callable
+        As of `answered`.
+
+    Raises
+    ------
+    InputError
+        As `answered`, for the first fault.
+    """
+    try:
+        each = [answered(question.model_copy(update={"target": (name,)}), working) for name in question.target]
+    except InputError as error:
+        if error.key not in ("star", "target"):
+            raise
+        hint = f"{error.hint}; {called('target')} of several words stands in quotation marks"
+        raise InputError(error.key, error.value, allowed=error.allowed, hint=hint) from None
+    stars: list[AnsweredStar] = []
+    answers: list[EtcAnswer] = []
+    firm: list[EtcFidelity] = []
+    for one in (item.result for item in each):
+        look = one.answers[0].known_planet
+        stars.append(AnsweredStar.of(one, planet=None if look is None else look.planet))
+        if one.fidelity is not None:
+            moved = [item.model_copy(update={"answer": len(answers) + item.answer}) for item in one.fidelity.answers]
+            firm.append(one.fidelity.model_copy(update={"answers": moved}))
+        answers += one.answers
+    first = next((item.result for item in each if item.result.reference_planet is not None), each[0].result)
+    every = [item for fidelity in firm for item in fidelity.answers]
+    seed = next((fidelity.seed for fidelity in firm if fidelity.seed is not None), None)
+    result = EtcStarsResult(
+        config_hash=content_hash([item.result.config_hash for item in each]),
+        catalogue=first.catalogue,
+        date_utc=first.date_utc,
+        notes=list(dict.fromkeys(note for item in each for note in item.result.notes)),
+        reference_planet=first.reference_planet,
+        stars=stars,
+        answers=answers,
+        fidelity=firm[0].model_copy(update={"answers": every, "seed": seed}),
+    )
+    return result, any(item.found for item in each)

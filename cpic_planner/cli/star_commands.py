@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
-    """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
+    """Ask the exposure-time calculator about stars: time for a level, SNR for a time, or the contrast limit.
 
     --snr, --sigma or --detect ask for the least wall time that reaches it; with --contrast-limit they are the level
     of the limit (--detect if none is given). Without any of these the answer is the SNR in --time-s. Without a
@@ -64,6 +64,8 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
 
       cpic etc "tau Cet" --snr 8
 
+      cpic etc "tau Cet" "eps Ind" "eps Eri" --detect
+
       cpic etc "tau Cet" --detect --budget
 
       cpic etc "eps Ind" --visits 16 --visit-time-s 2700
@@ -94,8 +96,15 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
 
       cpic etc "eps Eri" --band F662 --detect --tolerance 0.05
     """
-    from cpic_planner.api import answered
+    from cpic_planner.api import answered, answered_stars
 
+    if len(question.target) > 1:
+        for name, value in (("--plot", output.plot), ("--budget", output.budget), ("--explain", output.explain)):
+            if value:
+                raise InputError(name, f"given with {len(question.target)} targets", allowed="with one")
+        result, found = answered_stars(question, working=progress)
+        output.show(result, report.etc_stars_blocks(result, asked=report.question_text(question)), found)
+        return
     answer = answered(question, working=progress)
     output.draw(answer.figure)
     output.show(answer.result, answer.blocks(every_budget=output.budget, explain=output.explain), answer.found)

@@ -61,11 +61,9 @@ class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.St
 
     target: shared.Texts = asked(
         (),
-        'Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700" ...; or known planet: "eps Eri b", "47 UMa c" ..., at '
-        "its place and contrast of {date_utc}; or any name of a star of your own, with {v_mag}.",
+        'Stars: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700" ...; or known planets: "eps Eri b", "47 UMa c" ..., '
+        "at their places and contrasts of {date_utc}; or any name of a star of your own, with {v_mag}.",
         argument=True,
-        command=str,
-        several=False,
         unset=f"{OWN_STAR}, where {{v_mag}} is given",
         accepts="str or sequence of str",
         completes=shared.star_names,

@@ -105,8 +105,10 @@ class Addresses(Record, Generic[Q], eq=False):
         pairs = []
         for option in self.options:
             texts = values.get(option.name, [])
-            if len(texts) > (MOST_VALUES if option.several else 1):
-                most = f"at most {MOST_VALUES}" if option.several else "one value"
+            # A page is about one star.
+            several = option.several and not option.asked.argument
+            if len(texts) > (MOST_VALUES if several else 1):
+                most = f"at most {MOST_VALUES}" if several else "one value"
                 raise InputError(parameter(option), f"{len(texts)} values", allowed=most)
             pairs += [(parameter(option), text) for text in texts]
         return tuple(pairs)
