@@ -157,16 +157,18 @@ def _answer_table(result: _Answers, best: Sequence[EtcAnswer], star: str, asked:
     own = {id(row): errors.get(number, {}).get("snr") for number, row in enumerate(result.answers)}
     look = _known_planet(result)
     given = any(row.question != "contrast_limit" for row in result.answers)  # else it is the answer
+    drawn = any(row.over_instruments is not None for row in result.answers)
     columns = doc.row_columns(
         EtcAnswer,
-        f"{'target:row ' * several}band value {'range ' * (look is not None)}separation_arcsec/1 "
-        f"{'contrast/4 ' * given}visits/2 frames/5 "
+        f"{'target:row ' * several}band value {'instruments ' * drawn}{'range ' * (look is not None)}"
+        f"separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 "
         "em_gain/9 time_s/7 snr/3 significance/5 detection_probability/6 detection_probability_known_place/7 held/8 "
         "status",
         target=lambda row: words.shortened(_target_name(row)),
         band=lambda row: ("→ " if id(row) in marked else "  ") + row.band,
         value=replace(_ANSWER, files=_in_one_unit(result.answers)),
         range=_RANGE,
+        instruments=_INSTRUMENTS,
         separation_arcsec=lambda row: _within(row, "separation_arcsec", ".3f"),
         contrast=lambda row: _within(row, "contrast", ".2e"),
         snr=doc.own_column(
@@ -205,12 +207,11 @@ def _value_text(row: EtcAnswer, value: float | None) -> str:
     return words.formatted(value, {"s": "time", "contrast": ".2e"}.get(row.unit, ".3g"))
 
 
-def _range_text(row: EtcAnswer) -> str:
-    """Return the answers that the errors of a known planet leave open."""
-    look = row.known_planet
-    if look is None or not look.value.answered_share:
+def _range_text(row: EtcAnswer, left: results.OpenQuantiles | None) -> str:
+    """Return the answers that something unknown leaves open."""
+    if left is None or not left.answered_share:
         return MISSING
-    middle, low, high = (_value_text(row, getattr(look.value, end)) for end in ("median", "low", "high"))
+    middle, low, high = (_value_text(row, getattr(left, end)) for end in _ENDS)
     return f"{middle} ({low} to {high})"
 
 
@@ -222,16 +223,22 @@ def _limits_cell(row: EtcAnswer) -> str:
 
 _ROW = (EtcAnswer, doc.itself)
 _ANSWER = doc.own_column("answer", lambda row: MISSING if row.value is None else _value_text(row, row.value))
+_ENDS = ("median", "low", "high")
 _RANGE = doc.own_column(
     "range",
-    _range_text,
+    lambda row: _range_text(row, row.known_planet and row.known_planet.value),
     legend="median, and 16 to 84 %, of what the errors of place and light leave open: the answer is that of the median "
     "place and light, which may lie elsewhere",
     fields=" ".join(
-        f"known_planet.{name}.{end}"
-        for name in ("value", "separation_arcsec", "contrast")
-        for end in ("median", "low", "high")
+        f"known_planet.{name}.{end}" for name in ("value", "separation_arcsec", "contrast") for end in _ENDS
     ),
+    of=_ROW,
+)
+_INSTRUMENTS = doc.own_column(
+    "over instruments",
+    lambda row: _range_text(row, row.over_instruments),
+    legend="median, and 16 to 84 %, of the answers with instruments drawn from what is not known of this one",
+    fields=" ".join(f"over_instruments.{end}" for end in (*_ENDS, "answered_share")),
     of=_ROW,
 )
 _SNR_LEGEND = "photometric SNR of the stack, with the planet's own noise, and its predicted error"

@@ -120,7 +120,7 @@ class EtcFidelity(Result):
 
 
 class OpenQuantiles(Result):
-    """The quantiles that errors of a planet's place and light leave: 16, 50 and 84 % of draws lie below.
+    """The quantiles of answers that what is not known leaves open: 16, 50 and 84 % of draws lie below.
 
     A draw without a value (outside the dark hole, out of reach) counts as an SNR of 0, and as a time or a limit without
     end, which is null.
@@ -212,6 +212,9 @@ class EtcAnswer(LimitColumns, ReductionColumns, VerdictColumns, ProgrammeColumns
     flags: tuple[str, ...] = ()
     known_planet: KnownPlanetLook | None = optional(
         "the known planet that the answer is about; null where it is about a place and a contrast"
+    )
+    over_instruments: OpenQuantiles | None = optional(
+        "what instruments drawn by what is not known answer to the same question; null where none are asked"
     )
     _fidelity: AnswerFidelity | None = PrivateAttr(default=None)
 
