@@ -43,6 +43,9 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
     planet's own and the speckles), else photons: the planet is too faint. It also says which number of visits, time,
     drift or contrast alone would do.
 
+    Several names are answered as each alone, in one table. --instruments 20 says what is not known of the instrument
+    leaves open: median and 16 to 84 % of the answers with as many instruments, drawn from the assumed numbers.
+
     The name of a known planet ("eps Eri b") asks about it: the answer is for the medians of its separation and
     contrast at --date, and range says what the errors of orbit and size leave open: median and 16 to 84 % of their
     draws. It is looked for at its place unless --search says otherwise.
@@ -75,6 +78,8 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
       cpic etc "alpha Cen B" --time-s 7200 --separation-arcsec 0.65 --band F520 --band F662 --explain
 
       cpic etc "eps Eri b" --date 2030-01-01 --time 10h
+
+      cpic etc "tau Cet" --detect --instruments 20
 
       cpic etc "tau Cet" --detect --separation-au 1.9 --set drift=0.1nm --brief
 
