@@ -87,7 +87,7 @@ def test_what_instruments_leave_open_is_that_of_each_asked_by_itself(ask, given)
 def test_a_time_that_some_instruments_never_reach_has_no_upper_end():
     ensemble = {
         "numbers": dict.fromkeys(load_ensemble().numbers)
-        | {"drift": {"label": "drift", "factor": {"law": "log_uniform", "low": 0.1, "high": 1e4}, "source": "test"}}
+        | {"drift": {"label": "drift", "factor": {"law": "log_uniform", "low": 0.1, "high": 1e3}, "source": "test"}}
     }
     where = {"bands": ["F520"], "separation_arcsec": 0.5, "contrast": 3e-9}
     (row,) = exposure_time("tau Cet", detect=True, instruments=8, ensemble=ensemble, **where)
