@@ -159,6 +159,9 @@ def test_a_scene_stands_beside_its_files(folder, truth):
     assert source.contrast == pytest.approx(source.rate_e_s / star.rate_e_s)
     assert result.searches[0].false_detections == 0
     assert not result.bare
+    curve = result.searches[0].curve
+    there = np.interp(0.65, [row.separation_arcsec for row in curve], [row.contrast_limit for row in curve])
+    assert there == pytest.approx(band.observations[0].contrast_limit, rel=0.5)  # another quadrant of the ring
 
 
 @pytest.mark.long
