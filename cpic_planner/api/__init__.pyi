@@ -3,6 +3,7 @@ from cpic_planner.api.functions import model_of as model_of
 from cpic_planner.api.one_star import (
     Answered as Answered,
     answered as answered,
+    answered_stars as answered_stars,
     closed_forms as closed_forms,
 )
 from cpic_planner.api.runs import (

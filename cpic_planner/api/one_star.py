@@ -22,14 +22,25 @@ from cpic_planner.api.functions import catalogue_of, model_of, shipped_star, sta
 from cpic_planner.etc import EtcModel, etc_result, questions, reference_notes
 from cpic_planner.queries import MAX_VISITS, EtcQuestion, ReferencePlanet, called, observed_utc
 from cpic_planner.queries.etc import PLACES
-from cpic_planner.results import EtcAnswer, EtcResult, KnownPlanetLook, OpenQuantiles, Quantiles
+from cpic_planner.results import (
+    AnsweredStar,
+    EtcAnswer,
+    EtcFidelity,
+    EtcResult,
+    EtcStarsResult,
+    KnownPlanetLook,
+    OpenQuantiles,
+    Quantiles,
+)
 from cpic_planner.targets import Targets, find_target
+from simulator.config import content_hash
 from simulator.target import albedo_source
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from cpic_planner.planets import Planets
+    from cpic_planner.queries.rank import EnsembleChoice
     from cpic_planner.ranking import KnownChoice
 
 
@@ -72,27 +83,27 @@ class NamedPlanet(Record, eq=False):
         uniforms = known_uniforms(choice.table, [self.row], choice.n_draws, choice.seed)
         return planets_of(draw_known(choice.table, [self.row], uniforms, epoch_mjd=choice.mjd), 0, choice.albedo)
 
-    def question(self, question: EtcQuestion, **place: Any) -> EtcQuestion:
-        """Return a question about the planet at a place, where it is looked for unless the question says otherwise."""
+    def question(self, question: EtcQuestion) -> EtcQuestion:
+        """Return a question about the planet: it is looked for at its place unless the question says otherwise."""
         strategy = question.strategy
         if "search" not in strategy.model_fields_set:
             strategy = strategy.model_copy(update={"search": "known_place"})
-        return question.model_copy(update={"strategy": strategy} | place)
+        return question.model_copy(update={"strategy": strategy})
 
-    def answers(self, question: EtcQuestion, star: Targets) -> list[EtcAnswer]:
+    def answers(self, question: EtcQuestion, model: EtcModel, star: Targets) -> list[EtcAnswer]:
         """Return the answers about it, band by band: at the medians of place and contrast, with what these leave open.
 
         Parameters
         ----------
         question : EtcQuestion
+            As `question` has it.
+        model : EtcModel
         star : Targets
             The planet's, as asked for.
         """
-        from cpic_planner.api.one_star import closed_forms
         from cpic_planner.ranking.known_answer import planets_contrast
 
-        plain = self.question(question)
-        model, drawn = model_of(plain), self.drawn()
+        drawn = self.drawn()
         separation = np.hypot(drawn.east_au, drawn.north_au) / float(star.distance_pc[0])
         answers = []
         for band in model.bands:
@@ -104,7 +115,7 @@ class NamedPlanet(Record, eq=False):
             if not question.contrast_limit:
                 place["contrast"] = tuple(ratios)
             one = replace(model, metrics={band: model.metrics[band]})
-            first, *others = closed_forms(self.question(question, **place), one, star)
+            first, *others = closed_forms(question.model_copy(update=place), one, star)
             notes = reference_notes(one, star, band, places[0], ReferencePlanet(albedo=self.choice.albedo))
             flags = tuple(dict.fromkeys((*first.flags, *notes)))
             look = self._look(model.metrics[band].zone, drawn, separation, contrast, _open(others))
@@ -421,33 +432,54 @@ def checked(
 
 
 def _closed_forms_of(
-    question: EtcQuestion, star: Targets, planet: NamedPlanet | None
+    question: EtcQuestion, star: Targets, planet: NamedPlanet | None, working: Working = _unseen
 ) -> tuple[EtcQuestion, Targets, EtcModel, list[EtcAnswer]]:
     """Return a question as it is answered about a star or its known planet, the star at its roll, model and answers."""
     star = as_asked(question, star)
-    if planet is None:
-        model = model_of(question)
-        return question, star, model, closed_forms(question, model, star)
-    question = planet.question(question)
-    return question, star, model_of(question), planet.answers(question, star)
+    question = question if planet is None else planet.question(question)
+    ask = functools.partial(closed_forms if planet is None else planet.answers, question)
+    model, drawn = model_of(question), question.drawn_instruments
+    answers = ask(model, star)
+    if drawn is not None:
+        others = _with_instruments(lambda other: ask(other, star), model, drawn, working)
+        answers = [
+            answer.model_copy(update={"over_instruments": _open(found)})
+            for answer, *found in zip(answers, *others, strict=True)
+        ]
+    return question, star, model, answers
+
+
+def _with_instruments(
+    ask: Callable[[EtcModel], list[EtcAnswer]], model: EtcModel, choice: EnsembleChoice, working: Working
+) -> Iterator[list[EtcAnswer]]:
+    """Yield what each drawn instrument answers."""
+    from cpic_planner.ranking.sensitivity import instrument_of, states_of
+
+    states, draws = states_of(model, choice.ensemble), choice.draws()
+    with working("instruments", choice.n_instruments) as advance:
+        for number, values in enumerate(zip(*draws.values(), strict=True), 1):
+            yield ask(instrument_of(model, choice.ensemble, states, dict(zip(draws, values, strict=True))))
+            advance(f"instrument {number}")
 
 
 def answers_of(question: EtcQuestion) -> list[EtcAnswer]:
     """Return the answers about all stars of a question."""
-    model, plain = model_of(question), question.fidelity is None and question.tolerance is None
+    plain = question.fidelity is None and question.tolerance is None
     try:
         stars = stars_named(question)
+        named: list[tuple[Targets, NamedPlanet | None]] = [(star, None) for star in stars]
     except InputError:
         # A name that no star has may be that of a planet.
+        stars, catalogue = [], catalogue_of(question)
+        found = (star_or_planet(question, name, catalogue) for name in question.target)
+        named = [(star, planet) for star, _, planet in found]
+    if question.instruments is not None or not stars:
         answers: list[EtcAnswer] = []
-        catalogue = catalogue_of(question)
-        for name in question.target:
-            star, _, planet = star_or_planet(question, name, catalogue)
-            one, star, model, found = _closed_forms_of(question, star, planet)
-            answers += found if plain else checked(one, model, [star], found)
+        for named_star, planet in named:
+            one, star, model, own = _closed_forms_of(question, named_star, planet)
+            answers += own if plain else checked(one, model, [star], own)
         return answers
-    if not stars:
-        return []
+    model = model_of(question)
     stars = [as_asked(question, star) for star in stars]
     together = question.separation_arcsec is not None and question.n_frames is None
     groups = [Targets.joined(stars)] if together else stars
@@ -518,7 +550,7 @@ def answered(question: EtcQuestion, working: Working = _unseen) -> Answered:
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
     asked_for = question.hashed() | ({} if known is None else {"known_planet": known.content()})
-    question, star, model, found = _closed_forms_of(question, star, known)
+    question, star, model, found = _closed_forms_of(question, star, known, working)
     if question.dial.fidelity != "quick":
         found = checked(question, model, [star], found, working)
     planet = question.planet[0] if isinstance(question.planet, tuple) else question.planet
@@ -529,3 +561,50 @@ def answered(question: EtcQuestion, working: Working = _unseen) -> Answered:
     result = etc_result(model, star, found, asked=asked_for, dial=question.dial, seed=seed, **labels)
     placed = known is not None or any(getattr(question, place) is not None for place in PLACES)
     return Answered(question, model, star, result, placed)
+
+
+def answered_stars(question: EtcQuestion, working: Working = _unseen) -> tuple[EtcStarsResult, bool]:
+    """Answer a question about several stars or known planets, each as `answered` does; and whether one is found.
+
+    Parameters
+    ----------
+    question : EtcQuestion
+    working : callable
+        As of `answered`.
+
+    Raises
+    ------
+    InputError
+        As `answered`, for the first fault.
+    """
+    try:
+        each = [answered(question.model_copy(update={"target": (name,)}), working) for name in question.target]
+    except InputError as error:
+        if error.key not in ("star", "target"):
+            raise
+        hint = f"{error.hint}; {called('target')} of several words stands in quotation marks"
+        raise InputError(error.key, error.value, allowed=error.allowed, hint=hint) from None
+    stars: list[AnsweredStar] = []
+    answers: list[EtcAnswer] = []
+    firm: list[EtcFidelity] = []
+    for one in (item.result for item in each):
+        look = one.answers[0].known_planet
+        stars.append(AnsweredStar.of(one, planet=None if look is None else look.planet))
+        if one.fidelity is not None:
+            moved = [item.model_copy(update={"answer": len(answers) + item.answer}) for item in one.fidelity.answers]
+            firm.append(one.fidelity.model_copy(update={"answers": moved}))
+        answers += one.answers
+    first = next((item.result for item in each if item.result.reference_planet is not None), each[0].result)
+    every = [item for fidelity in firm for item in fidelity.answers]
+    seed = next((fidelity.seed for fidelity in firm if fidelity.seed is not None), None)
+    result = EtcStarsResult(
+        config_hash=content_hash([item.result.config_hash for item in each]),
+        catalogue=first.catalogue,
+        date_utc=first.date_utc,
+        notes=list(dict.fromkeys(note for item in each for note in item.result.notes)),
+        reference_planet=first.reference_planet,
+        stars=stars,
+        answers=answers,
+        fidelity=firm[0].model_copy(update={"answers": every, "seed": seed}),
+    )
+    return result, any(item.found for item in each)

@@ -37,8 +37,8 @@ def plan(question: queries.PlanQuestion, output: ImagesOutput) -> None:
     Writes plan.json, sensitivity.json, known.json (known planets of the first stars, where there are any), run.json,
     ranking.csv, ranking.ecsv, measurements.csv and report.html into --out, and into its folder export astrometry.csv
     (as orbitize! reads it), astrometry.ecsv, limits.ecsv (what was not detected), photometry.ecsv with
-    band_covariance.ecsv, and passbands. Stopped half way, it continues when started again on the same folder, also with
-    another --top; the result is the same for any number of workers.
+    band_covariance.ecsv, passbands and contrast_curve.csv. Stopped half way, it continues when started again on the
+    same folder, also with another --top; the result is the same for any number of workers.
 
     Examples:
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
-    """Ask the exposure-time calculator about one star: time for a level, SNR for a time, or the contrast limit.
+    """Ask the exposure-time calculator about stars: time for a level, SNR for a time, or the contrast limit.
 
     --snr, --sigma or --detect ask for the least wall time that reaches it; with --contrast-limit they are the level
     of the limit (--detect if none is given). Without any of these the answer is the SNR in --time-s. Without a
@@ -42,6 +42,9 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
     wavefront), common_speckles (the same, where no number of visits helps), background (no light and noise but the
     planet's own and the speckles), else photons: the planet is too faint. It also says which number of visits, time,
     drift or contrast alone would do.
+
+    Several names are answered as each alone, in one table. --instruments 20 says what is not known of the instrument
+    leaves open: median and 16 to 84 % of the answers with as many instruments, drawn from the assumed numbers.
 
     The name of a known planet ("eps Eri b") asks about it: the answer is for the medians of its separation and
     contrast at --date, and range says what the errors of orbit and size leave open: median and 16 to 84 % of their
@@ -64,6 +67,8 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
 
       cpic etc "tau Cet" --snr 8
 
+      cpic etc "tau Cet" "eps Ind" "eps Eri" --detect
+
       cpic etc "tau Cet" --detect --budget
 
       cpic etc "eps Ind" --visits 16 --visit-time-s 2700
@@ -73,6 +78,8 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
       cpic etc "alpha Cen B" --time-s 7200 --separation-arcsec 0.65 --band F520 --band F662 --explain
 
       cpic etc "eps Eri b" --date 2030-01-01 --time 10h
+
+      cpic etc "tau Cet" --detect --instruments 20
 
       cpic etc "tau Cet" --detect --separation-au 1.9 --set drift=0.1nm --brief
 
@@ -94,8 +101,15 @@ def etc(question: queries.EtcQuestion, output: EtcOutput) -> None:
 
       cpic etc "eps Eri" --band F662 --detect --tolerance 0.05
     """
-    from cpic_planner.api import answered
+    from cpic_planner.api import answered, answered_stars
 
+    if len(question.target) > 1:
+        for name, value in (("--plot", output.plot), ("--budget", output.budget), ("--explain", output.explain)):
+            if value:
+                raise InputError(name, f"given with {len(question.target)} targets", allowed="with one")
+        result, found = answered_stars(question, working=progress)
+        output.show(result, report.etc_stars_blocks(result, asked=report.question_text(question)), found)
+        return
     answer = answered(question, working=progress)
     output.draw(answer.figure)
     output.show(answer.result, answer.blocks(every_budget=output.budget, explain=output.explain), answer.found)

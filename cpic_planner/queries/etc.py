@@ -4,7 +4,7 @@ Known planets, which several questions can be about.
 """
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator, model_validator
 
@@ -13,6 +13,9 @@ from cpic_planner.queries import shared
 from cpic_planner.queries.question import asked, called
 from simulator.config import validate
 from simulator.knobs import Dial, dial_of
+
+if TYPE_CHECKING:
+    from cpic_planner.queries.rank import EnsembleChoice
 
 Numbers = Annotated[tuple[float, ...], BeforeValidator(shared.several)]
 PLACES = ("separation_arcsec", "separation_au", "semi_major_axis_au")
@@ -29,6 +32,12 @@ def planets_of(given: Any) -> Any:
         return tuple(planets_of(body) for body in given)
     planet = shared.ReferencePlanet
     return given if isinstance(given, planet) else validate(planet, given, where="planet")
+
+
+def _ensemble(given: Any) -> Any:
+    from cpic_planner.queries.rank import load_ensemble  # most questions have none
+
+    return load_ensemble(given)
 
 
 class KnownPlanetsQuestion(shared.TablesQuestion):
@@ -61,10 +70,9 @@ class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.St
 
     target: shared.Texts = asked(
         (),
-        'Star: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700" ...; or known planet: "eps Eri b", "47 UMa c" ..., at '
-        "its place and contrast of {date_utc}; or any name of a star of your own, with {v_mag}.",
+        'Stars: "HIP 8102", "tau Cet", "alpha Cen B", "HD 10700" ...; or known planets: "eps Eri b", "47 UMa c" ..., '
+        "at their places and contrasts of {date_utc}; or any name of a star of your own, with {v_mag}.",
         argument=True,
-        several=False,
         unset=f"{OWN_STAR}, where {{v_mag}} is given",
         accepts="str or sequence of str",
         completes=shared.star_names,
@@ -129,7 +137,22 @@ class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.St
     realisations: int | None = asked(
         None, "Draws of the images of each answer.", ge=1, le=shared.MAX_REALISATIONS, unset="what tells the SNR to 5 %"
     )
-    seed: shared.Seed | None = asked(None, "Seed of the images.", unset="1")
+    instruments: int | None = asked(
+        None,
+        "Answer with so many instruments too, drawn from {ensemble}: what is not known of the instrument leaves open.",
+        unset="none",
+        ge=2,
+        le=100_000,
+    )
+    ensemble: Any = asked(
+        None,
+        "What is not known of the instrument: the preset default, or a YAML file with what differs from it.",
+        read=_ensemble,
+        command=str,
+        unset="default",
+        accepts="Ensemble, mapping, str or Path",
+    )
+    seed: shared.Seed | None = asked(None, "Seed of the images, and of {instruments}.", unset="1")
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -193,20 +216,31 @@ class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.St
 
     def _check_images(self) -> None:
         self.refuse_together(("tolerance", "fidelity"), "they are two names of one dial")
-        dial = self.dial.fidelity
+        dial, several = self.dial.fidelity, self.instruments is not None
         tiers = f"{called('fidelity')} standard or reference"
         for name, allowed, there in (
             ("realisations", tiers, dial in ("standard", "reference")),
-            ("seed", f"{tiers}, or {called('tolerance')}", dial != "quick"),
+            ("seed", f"{tiers}, {called('tolerance')} or {called('instruments')}", dial != "quick" or several),
+            ("ensemble", called("instruments"), several),
         ):
             if self.is_given(name) and not there:
-                raise InputError(name, getattr(self, name), allowed=f"together with {allowed}")
+                value = "given" if name == "ensemble" else getattr(self, name)
+                raise InputError(name, value, allowed=f"together with {allowed}")
 
     @property
     def dial(self) -> Dial:
         """How firm answers have to be: ``quick`` without a fidelity or a tolerance."""
         plain = self.fidelity is None and self.tolerance is None
         return _QUICK if plain else dial_of(self.fidelity, self.tolerance)
+
+    @property
+    def drawn_instruments(self) -> "EnsembleChoice | None":
+        """The instruments that answer too; None where none are asked."""
+        from cpic_planner.queries.rank import EnsembleChoice, load_ensemble
+
+        if self.instruments is None:
+            return None
+        return EnsembleChoice(self.ensemble or load_ensemble(), self.instruments, 1 if self.seed is None else self.seed)
 
     @property
     def asks_time(self) -> bool:
@@ -218,6 +252,11 @@ class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.St
         tree = super().hashed()
         del tree["fidelity"], tree["tolerance"]
         tree["time_s"] = None if self.asks_time or self.n_frames is not None else self.wall_s
+        drawn = self.drawn_instruments
+        if drawn is None:
+            del tree["instruments"], tree["ensemble"]
+        else:
+            tree |= {"ensemble": drawn.ensemble.model_dump(mode="json"), "seed": drawn.seed}
         if self.dial.fidelity == "quick":
             return tree
         return tree | {"dial": self.dial.model_dump(mode="json"), "seed": 1 if self.seed is None else self.seed}

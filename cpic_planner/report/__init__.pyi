@@ -5,6 +5,7 @@ from cpic_planner.report.answers import (
     etc_blocks as etc_blocks,
     etc_curves as etc_curves,
     etc_figure as etc_figure,
+    etc_stars_blocks as etc_stars_blocks,
     question_text as question_text,
     tradeoff_blocks as tradeoff_blocks,
     write_figure as write_figure,

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import zip_longest
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, Record, Status, write_named
+from cpic_core import FloatArray, InputError, Record, Status, listed, write_named
 from cpic_planner import etc, results
 from cpic_planner.report import document as doc, drawing, words
 from cpic_planner.report.drawing import BAND_STYLE, WIDTH_INCHES, Look, literal, with_style
 from cpic_planner.report.words import MISSING, significant
-from cpic_planner.results import EtcAnswer, EtcResult
+from cpic_planner.results import EtcAnswer, EtcResult, EtcStarsResult
 from cpic_planner.targets import Targets
 from simulator.detectors import noise_terms
 
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from cpic_planner.queries import EtcQuestion
 
 
+_Answers: TypeAlias = EtcResult | EtcStarsResult
 _SENTENCES = 2
+_HOW = {"blind": "by a search that knows no place", "known_place": "where one knows to look"}
 """Most sentences under a table."""
 _QUESTION = {"exposure_time": "wall time", "signal_to_noise": "SNR", "contrast_limit": "contrast limit"}
 _BAR_CELLS = 24
@@ -39,7 +41,11 @@ _SMALLEST_SHARE = 5e-4
 
 def best_row(result: EtcResult) -> EtcAnswer | None:
     """Return the row of the best answer in the best band: least time, clearest detection, or faintest limit."""
-    rows = [row for row in result.answers if row.band == result.best_band and row.value is not None]
+    return _best_of(result.answers, result.best_band)
+
+
+def _best_of(answers: Sequence[EtcAnswer], band: str | None) -> EtcAnswer | None:
+    rows = [row for row in answers if row.band == band and row.value is not None]
     if not rows:
         return None
     if rows[0].question == "signal_to_noise":
@@ -60,8 +66,8 @@ def question_text(question: EtcQuestion) -> str:
     return f"contrast limit for {level} in {time}" if question.contrast_limit else f"SNR in {time}"
 
 
-def _known_planet(result: EtcResult) -> results.KnownPlanetLook | None:
-    """Return the known planet that answers are about, if they are about one."""
+def _known_planet(result: _Answers) -> results.KnownPlanetLook | None:
+    """Return the known planet that answers are about, the first one of several, if they are about one."""
     return next((row.known_planet for row in result.answers if row.known_planet is not None), None)
 
 
@@ -83,33 +89,86 @@ def etc_blocks(
         Say more: which gains spare what, how likely detections are, what the visits are, how messages go on.
     """
     best, look = best_row(result), _known_planet(result)
-    yield _answer_table(result, best, asked)
+    star = words.star_text(result)
+    if look is not None:
+        star = f"{words.pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
+    yield _answer_table(result, [best] if best else [], star, asked)
     yield from doc.notes(*_verdict_sentences(result, best, placed, explain), look="")
     yield from doc.notes(*(_explanations(result) if explain else ()), look="")
     budgeted = [row for row in result.answers if row.value is not None] if every_budget else [best] if best else []
     for row in budgeted:
         yield from _budget_blocks(row, explain)
     yield from doc.notes(*flag_lines(result.answers, result.note))
-    if look is not None:
-        from cpic_planner.report.known import lacking_lines
-
-        yield from doc.notes(*(f"! {text}" for text in lacking_lines({look.planet: look.flags}, look.columns_not_used)))
+    yield from _lacking_notes(result)
     yield from _checked_blocks(result)
 
 
-def _answer_table(result: EtcResult, best: EtcAnswer | None, asked: str) -> doc.Table:
+def etc_stars_blocks(result: EtcStarsResult, *, asked: str = "") -> Iterator[doc.Block]:
+    """Yield the answers for several targets.
+
+    Parameters
+    ----------
+    result : EtcStarsResult
+    asked : str
+        The question in words.
+    """
+    each: dict[str, list[EtcAnswer]] = {}
+    for row in result.answers:
+        each.setdefault(_target_name(row), []).append(row)
+    bands = {words.pretty_name(star.planet or star.target): star.best_band for star in result.stars}
+    best = {name: found for name, rows in each.items() if (found := _best_of(rows, bands[name])) is not None}
+    yield _answer_table(result, list(best.values()), words.counted(len(each), "target"), asked)
+    detected = [row for row in result.answers if row.verdict == "detected"]
+    for mode, names in _named(detected, "verdict_mode", _target_name).items():
+        yield doc.Paragraph(f"Detected: at least half of such programmes show the planet {_HOW[mode]}: {names}.")
+    shown = {_target_name(row) for row in detected}
+    missed = [row for name, row in best.items() if row.verdict is not None and name not in shown]
+    if limits := _named(missed, "limited_by", _target_name):
+        causes = "; ".join(f"{names} by {words.LIMITED_BY[limit][1]}" for limit, names in limits.items())
+        yield doc.Paragraph(f"Not detected in any band; in the best one limited: {causes}.")
+    reasons = _named(result.answers, "message", lambda row: f"{_target_name(row)} in {row.band}")
+    yield from doc.notes(*(f"{names}: {text}." for text, names in reasons.items()), look="")
+    yield from doc.notes(*(f"Note: {star.note}" for star in result.stars if star.note))
+    yield from doc.notes(*flag_lines(result.answers, "", of=_target_name))
+    yield from _lacking_notes(result)
+    yield from _checked_blocks(result)
+
+
+def _target_name(row: EtcAnswer) -> str:
+    """Return the star of an answer, or its known planet."""
+    return words.pretty_name(row.target if row.known_planet is None else row.known_planet.planet)
+
+
+def _lacking_notes(result: _Answers) -> Iterator[doc.Block]:
+    """Yield what tables of known planets lack of those that answers are about."""
+    looks = [row.known_planet for row in result.answers if row.known_planet is not None]
+    if looks:
+        from cpic_planner.report.known import lacking_lines
+
+        unused = list(dict.fromkeys(name for look in looks for name in look.columns_not_used))
+        yield from doc.notes(
+            *(f"! {text}" for text in lacking_lines({look.planet: look.flags for look in looks}, unused))
+        )
+
+
+def _answer_table(result: _Answers, best: Sequence[EtcAnswer], star: str, asked: str) -> doc.Table:
+    marked, several = set(map(id, best)), isinstance(result, EtcStarsResult)
     errors = {item.answer: item.predicted_error or {} for item in result.fidelity.answers} if result.fidelity else {}
     own = {id(row): errors.get(number, {}).get("snr") for number, row in enumerate(result.answers)}
     look = _known_planet(result)
     given = any(row.question != "contrast_limit" for row in result.answers)  # else it is the answer
+    drawn = any(row.over_instruments is not None for row in result.answers)
     columns = doc.row_columns(
         EtcAnswer,
-        f"band value {'range ' * (look is not None)}separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 "
+        f"{'target:row ' * several}band value {'instruments ' * drawn}{'range ' * (look is not None)}"
+        f"separation_arcsec/1 {'contrast/4 ' * given}visits/2 frames/5 "
         "em_gain/9 time_s/7 snr/3 significance/5 detection_probability/6 detection_probability_known_place/7 held/8 "
         "status",
-        band=lambda row: ("→ " if row is best else "  ") + row.band,
+        target=lambda row: words.shortened(_target_name(row)),
+        band=lambda row: ("→ " if id(row) in marked else "  ") + row.band,
         value=replace(_ANSWER, files=_in_one_unit(result.answers)),
         range=_RANGE,
+        instruments=_INSTRUMENTS,
         separation_arcsec=lambda row: _within(row, "separation_arcsec", ".3f"),
         contrast=lambda row: _within(row, "contrast", ".2e"),
         snr=doc.own_column(
@@ -118,9 +177,6 @@ def _answer_table(result: EtcResult, best: EtcAnswer | None, asked: str) -> doc.
         held=doc.own_column("held by", _limits_cell, look="left", legend="what binds exposure (t) and gain (g)"),
     )
     question = asked or " / ".join(dict.fromkeys(_QUESTION[row.question] for row in result.answers))
-    star = words.star_text(result)
-    if look is not None:
-        star = f"{words.pretty_name(look.planet)} ({look.status}) on {look.date_utc[:10]}; {star}"
     title = f"{star}; {question}\n{_about_text(result)}"
     return doc.Table(title, columns, result.answers, legend=True)
 
@@ -151,12 +207,11 @@ def _value_text(row: EtcAnswer, value: float | None) -> str:
     return words.formatted(value, {"s": "time", "contrast": ".2e"}.get(row.unit, ".3g"))
 
 
-def _range_text(row: EtcAnswer) -> str:
-    """Return the answers that the errors of a known planet leave open."""
-    look = row.known_planet
-    if look is None or not look.value.answered_share:
+def _range_text(row: EtcAnswer, left: results.OpenQuantiles | None) -> str:
+    """Return the answers that something unknown leaves open."""
+    if left is None or not left.answered_share:
         return MISSING
-    middle, low, high = (_value_text(row, getattr(look.value, end)) for end in ("median", "low", "high"))
+    middle, low, high = (_value_text(row, getattr(left, end)) for end in _ENDS)
     return f"{middle} ({low} to {high})"
 
 
@@ -168,24 +223,30 @@ def _limits_cell(row: EtcAnswer) -> str:
 
 _ROW = (EtcAnswer, doc.itself)
 _ANSWER = doc.own_column("answer", lambda row: MISSING if row.value is None else _value_text(row, row.value))
+_ENDS = ("median", "low", "high")
 _RANGE = doc.own_column(
     "range",
-    _range_text,
+    lambda row: _range_text(row, row.known_planet and row.known_planet.value),
     legend="median, and 16 to 84 %, of what the errors of place and light leave open: the answer is that of the median "
     "place and light, which may lie elsewhere",
     fields=" ".join(
-        f"known_planet.{name}.{end}"
-        for name in ("value", "separation_arcsec", "contrast")
-        for end in ("median", "low", "high")
+        f"known_planet.{name}.{end}" for name in ("value", "separation_arcsec", "contrast") for end in _ENDS
     ),
+    of=_ROW,
+)
+_INSTRUMENTS = doc.own_column(
+    "over instruments",
+    lambda row: _range_text(row, row.over_instruments),
+    legend="median, and 16 to 84 %, of the answers with instruments drawn from what is not known of this one",
+    fields=" ".join(f"over_instruments.{end}" for end in (*_ENDS, "answered_share")),
     of=_ROW,
 )
 _SNR_LEGEND = "photometric SNR of the stack, with the planet's own noise, and its predicted error"
 
 
-def _about_text(result: EtcResult) -> str:
+def _about_text(result: _Answers) -> str:
     """Return what the answers are about: planet and place."""
-    quadrants = _bands_of(result.answers, "quadrant")
+    quadrants = _named(result.answers, "quadrant", _target_name if isinstance(result, EtcStarsResult) else _BAND)
     where = "on the diagonal of a quadrant"
     if quadrants:
         several = len(quadrants) > 1
@@ -214,13 +275,12 @@ def _verdict_sentences(result: EtcResult, best: EtcAnswer | None, placed: bool, 
             limit = words.LIMITED_BY[best.limited_by or "none"][1]
             told.append(f"Limited by {limit}. Any one of these would be enough: {needed}.")
     elif best is not None and best.verdict == "detected":
-        how = "by a search that knows no place" if best.verdict_mode == "blind" else "where one knows to look"
-        told.append(f"Detected: at least half of such programmes show the planet {how}.")
+        told.append(f"Detected: at least half of such programmes show the planet {_HOW[best.verdict_mode or 'blind']}.")
     missed = [row for row in _with_verdict(result) if row.verdict == "measured_not_detected"]
-    if len(told) < _SENTENCES and (limits := _bands_of(missed, "limited_by")):
+    if len(told) < _SENTENCES and (limits := _named(missed, "limited_by")):
         causes = "; ".join(f"{bands} by {words.LIMITED_BY[limit][1]}" for limit, bands in limits.items())
         told.append(f"Not detected in this time; limited: {causes}.")
-    if len(told) < _SENTENCES and not explained and (reasons := _bands_of(result.answers, "message")):
+    if len(told) < _SENTENCES and not explained and (reasons := _named(result.answers, "message")):
         told.append(f"{'; '.join(f'{bands}: {text}' for text, bands in reasons.items())}.")
     return told
 
@@ -230,13 +290,16 @@ def _with_verdict(result: EtcResult) -> list[EtcAnswer]:
     return [row for row in result.answers if row.status == "ok" and row.verdict is not None]
 
 
-def _bands_of(rows: Sequence[EtcAnswer], name: str) -> dict[str, str]:
-    """Return the bands, with commas, of each value that a field of answers has; of none without one."""
+_BAND: Callable[[EtcAnswer], str] = attrgetter("band")
+
+
+def _named(rows: Sequence[EtcAnswer], name: str, of: Callable[[EtcAnswer], str] = _BAND) -> dict[str, str]:
+    """Return the bands, or what else to call answers by, for each value that a field of these has; of none without."""
     found: dict[str, dict[str, None]] = {}
     for row in rows:
         if value := getattr(row, name):
-            found.setdefault(value, {})[row.band] = None
-    return {value: ", ".join(bands) for value, bands in found.items()}
+            found.setdefault(value, {})[of(row)] = None
+    return {value: listed(list(names)) for value, names in found.items()}
 
 
 def _explanations(result: EtcResult) -> list[str]:
@@ -253,7 +316,7 @@ def _explanations(result: EtcResult) -> list[str]:
     needs = {answer_name(row): _required_text(row) for row in _with_verdict(result) if row.verdict != "detected"}
     if wanted := [f"{name} {needed}" for name, needed in needs.items() if needed]:
         said.append(f"One of these alone would make it a detection: {'; '.join(wanted)}.")
-    said += [f"{bands}: {text}." for text, bands in _bands_of(result.answers, "message").items()]
+    said += [f"{bands}: {text}." for text, bands in _named(result.answers, "message").items()]
     visits = dict.fromkeys(
         f"{words.counted(row.visits, 'visit')} of {words.duration_text(row.visit_time_s)}"
         for row in result.answers
@@ -323,7 +386,9 @@ def _bar(share: float) -> str:
     return "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
 
 
-def flag_lines(rows: Sequence[EtcAnswer | results.SearchedProgramme], note: str) -> list[str]:
+def flag_lines(
+    rows: Sequence[EtcAnswer | results.SearchedProgramme], note: str, of: Callable[[Any], str] = _BAND
+) -> list[str]:
     """Return what is to be known of star, planet and bands beside the numbers, a line each.
 
     Parameters
@@ -331,13 +396,15 @@ def flag_lines(rows: Sequence[EtcAnswer | results.SearchedProgramme], note: str)
     rows : sequence of EtcAnswer or SearchedProgramme
     note : str
         On the star; empty for none.
+    of : callable
+        Names what a flag is about where not all rows have it.
     """
-    bands = {row.band for row in rows}
+    every = set(map(of, rows))
     lines = [f"Note: {note}"] if note else []
     lines += filter(None, [words.unused_text(rows)])
     for flag in dict.fromkeys(flag for row in rows for flag in row.flags):
-        mine = list(dict.fromkeys(row.band for row in rows if flag in row.flags))
-        where = "" if len(mine) == len(bands) else f"{', '.join(mine)}: "
+        mine = list(dict.fromkeys(of(row) for row in rows if flag in row.flags))
+        where = "" if len(mine) == len(every) else f"{listed(mine)}: "
         lines.append(f"! {where}{words.flag_text(flag)} ({flag})")
     return lines
 
@@ -390,27 +457,32 @@ _DRAWS = {"sums": "sums of frames", "frames": "every frame, every effect"}
 _Checked = tuple[results.AnswerFidelity, EtcAnswer]
 
 
-def _checked_blocks(result: EtcResult) -> Iterator[doc.Block]:
+def _checked_blocks(result: _Answers) -> Iterator[doc.Block]:
     """Yield what images say of the answers, and the stated error of those that need none; nothing for ``quick``."""
     record = result.fidelity
     if record is None or record.fidelity == "quick":
         return
     rows: list[_Checked] = [(item, result.answers[item.answer]) for item in record.answers]
+    several = isinstance(result, EtcStarsResult)
+
+    def name(row: EtcAnswer) -> str:
+        return f"{_target_name(row)} in {answer_name(row)}" if several else answer_name(row)
+
     alone = [pair for pair in rows if pair[0].fidelity == "quick" and pair[0].status == "ok"]
     if asked := [pair for pair in rows if pair not in alone]:
-        yield from _check_table(record, asked)
+        yield from _check_table(record, asked, several)
     for item, row in alone:
         error = words.error_text(item.predicted_error or {})
-        said = f"{answer_name(row)}: closed forms are enough; their stated error is at most {error}."
+        said = f"{name(row)}: closed forms are enough; their stated error is at most {error}."
         yield doc.Paragraph(said, "note")
     for text in dict.fromkeys(item.message for item, _ in rows if item.message):
-        names = ", ".join(answer_name(row) for item, row in rows if item.message == text)
+        names = ", ".join(name(row) for item, row in rows if item.message == text)
         yield doc.Paragraph(f"{names}: {text}.", "note")
     if not rows:
         yield doc.Paragraph("No answer has frames that could be checked in images.", "note")
 
 
-def _check_table(record: results.EtcFidelity, rows: list[_Checked]) -> Iterator[doc.Block]:
+def _check_table(record: results.EtcFidelity, rows: list[_Checked], several: bool) -> Iterator[doc.Block]:
     def agreement(pair: _Checked) -> str:
         item = pair[0]
         if item.images is None:
@@ -418,7 +490,12 @@ def _check_table(record: results.EtcFidelity, rows: list[_Checked]) -> Iterator[
         return "agrees" if item.images.agrees else "differs"
 
     columns = [
-        *doc.row_columns(EtcAnswer, "band separation_arcsec/1 contrast/4", of=itemgetter(1)),
+        *doc.row_columns(
+            EtcAnswer,
+            f"{'target:row ' * several}band separation_arcsec/1 contrast/4",
+            of=itemgetter(1),
+            target=lambda pair: words.shortened(_target_name(pair[1])),
+        ),
         *doc.row_columns(
             results.ImageCheck,
             "predicted_snr snr etc_ratio flux_ratio/2 light_ratio/3 realisations/1 n_found/5 agrees",

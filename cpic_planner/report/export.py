@@ -8,7 +8,7 @@ contrasts and flux densities at the planets' places, detected or not, ``band_cov
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import itemgetter
 from typing import Any
@@ -262,8 +262,19 @@ def export_products(bands: Iterable[str], planets: int) -> list[str]:
     return [*EXPORT_PRODUCTS, *(EXPORT + name for name in own)]
 
 
-def write_export(folder: RunFolder, result: AnyImages, instrument: Instrument) -> None:
-    """Write the files of `export_products`, each whole; passbands of the bands that were measured."""
+def write_export(
+    folder: RunFolder, result: AnyImages, instrument: Instrument, bodies: Iterable[tuple[str, Mapping[str, Any]]]
+) -> None:
+    """Write the files of `export_products`, each whole; passbands of the bands that were measured.
+
+    Parameters
+    ----------
+    folder : RunFolder
+    result : PlanResult, StarImagesResult or ConfirmResult
+    instrument : Instrument
+    bodies : iterable of (str, mapping)
+        Star or scene, and what `cpic_planner.validation.confirm.confirm_task` returned of it in a band.
+    """
     tables = {
         "astrometry.csv": astrometry_csv(result),
         "astrometry.ecsv": observations_ecsv(result, detected=True),
@@ -287,15 +298,19 @@ def write_export(folder: RunFolder, result: AnyImages, instrument: Instrument) -
         results.Column("throughput", "float64", "filter, optics and detector, e-/ph", value=itemgetter(2)),
     ]
     tables["passbands.ecsv"] = _ecsv(result, columns, every)
+    searches = ((name, body["search"]) for name, body in bodies if body["search"] is not None)
+    limits = [
+        (name, search["band"], LimitRow.model_validate(row)) for name, search in searches for row in search["curve"]
+    ]
+    of_curve = [
+        results.Column("target", "string", "star or scene", value=itemgetter(0)),
+        results.Column("band", "string", value=itemgetter(1)),
+        *results.taken_of(LimitRow, of=itemgetter(2)),
+    ]
+    tables[CURVES[1]] = _ecsv(result, of_curve, limits)
+    cells = [{"target": name, "band": band} | results.values_of(row) for name, band, row in limits]
+    tables[CURVES[0]] = results.csv_text([column.name for column in of_curve], cells) if limits else ""
     if isinstance(result, results.ConfirmResult):
-        limits = [(search.band, row) for search in result.searches for row in search.curve]
-        of_curve = [
-            results.Column("band", "string", value=itemgetter(0)),
-            *results.taken_of(LimitRow, of=itemgetter(1)),
-        ]
-        tables[CURVES[1]] = _ecsv(result, of_curve, limits)
-        cells = [{"band": band} | results.values_of(row) for band, row in limits]
-        tables[CURVES[0]] = results.csv_text([column.name for column in of_curve], cells) if limits else ""
         tables |= {SPECTRUM.format(number=items[0].number): spectrum_txt(items) for items in _first(result)}
     for name, text in tables.items():
         if text and not (name == "astrometry.csv" and text.count("\n") == 1):

@@ -142,7 +142,7 @@ def write_report(
     folder.write("ranking.csv", ranking_csv(rank))
     folder.write("ranking.ecsv", ranking_ecsv(rank))
     folder.write("measurements.csv", measurements_csv(plan))
-    write_export(folder, plan, model.instrument)
+    write_export(folder, plan, model.instrument, ((name, body) for (name, _), body in bodies.items()))
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
     holes = [HoleEdges(band, zone.hole_inner_corner_arcsec, zone.owa_arcsec) for band, zone in model.metrics.items()]
     figures = plan_figures(plan, rank, limits=limit_curves(plan, model, targets), holes=holes)
@@ -171,7 +171,7 @@ def write_star_images(
     from cpic_planner.report.image_figures import PanelSheet
 
     folder.write("measurements.csv", measurements_csv(result))
-    write_export(folder, result, model.instrument)
+    write_export(folder, result, model.instrument, ((key.rpartition(" ")[0], body) for key, body in bodies.items()))
     sheet = PanelSheet()
     for target in result.targets:
         for band in (item.band for item in target.bands if f"{target.name} {item.band}" in bodies):
@@ -206,7 +206,7 @@ def write_confirm_report(
     from cpic_planner.report.image_figures import PanelSheet, snr_figure, spectrum_figure
 
     folder.write("measurements.csv", measurements_csv(result))
-    write_export(folder, result, model.instrument)
+    write_export(folder, result, model.instrument, ((result.scene, body) for body in bodies.values()))
     if result.visits:
         columns = results.taken_of(results.SourceRecord)
         rows = map(results.values_of, result.sources)

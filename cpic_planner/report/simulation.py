@@ -220,10 +220,13 @@ def reduction_blocks(result: results.ReductionResult, out: Path) -> Iterator[doc
     )
     yield doc.Table(f"{counted(len(rows), 'sequence')} reduced, e- a pixel and frame", columns, rows[:_MOST])
     used: dict[str, None] = {}
+    missing: dict[str, list[str]] = {}
     for item in rows:
         used |= dict.fromkeys(f"{step}: {item.steps[step]}" for step in ("bias", "dark", "flat", "cosmic_rays"))
-        used |= dict.fromkeys(f"not in the header of {Path(item.level0).name}: {text}" for text in item.assumed)
-    said = [*used, *(f"left out: {text}" for text in result.left_out)]
+        for text in item.assumed:
+            missing.setdefault(text, []).append(Path(item.level0).name)
+    lacking = [f"not in the header of {listed(names, 1)}: {text}" for text, names in missing.items()]
+    said = [*used, *lacking, *(f"left out: {text}" for text in result.left_out)]
     more = f"... and {len(said) - _MOST} more: see {out / 'reduction.json'}" * (len(said) > _MOST)
     yield from doc.notes(*said[:_MOST], more, f"files below {out}")
 

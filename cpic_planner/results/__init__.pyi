@@ -1,10 +1,12 @@
 from cpic_planner.registry import ScoreName as ScoreName
 from cpic_planner.results.answers import (
+    AnsweredStar as AnsweredStar,
     AnswerFidelity as AnswerFidelity,
     EffectRecord as EffectRecord,
     EtcAnswer as EtcAnswer,
     EtcFidelity as EtcFidelity,
     EtcResult as EtcResult,
+    EtcStarsResult as EtcStarsResult,
     ImageCheck as ImageCheck,
     KnownPlanetLook as KnownPlanetLook,
     ModellingRecord as ModellingRecord,

@@ -11,6 +11,7 @@ from cpic_core import Reason, Status
 from cpic_planner.registry import REDUCTIONS
 from cpic_planner.results.base import (
     LimitColumns,
+    OfTables,
     OfTarget,
     ProgrammeColumns,
     ReferencePlanetRecord,
@@ -119,7 +120,7 @@ class EtcFidelity(Result):
 
 
 class OpenQuantiles(Result):
-    """The quantiles that errors of a planet's place and light leave: 16, 50 and 84 % of draws lie below.
+    """The quantiles of answers that what is not known leaves open: 16, 50 and 84 % of draws lie below.
 
     A draw without a value (outside the dark hole, out of reach) counts as an SNR of 0, and as a time or a limit without
     end, which is null.
@@ -212,6 +213,9 @@ class EtcAnswer(LimitColumns, ReductionColumns, VerdictColumns, ProgrammeColumns
     known_planet: KnownPlanetLook | None = optional(
         "the known planet that the answer is about; null where it is about a place and a contrast"
     )
+    over_instruments: OpenQuantiles | None = optional(
+        "what instruments drawn by what is not known answer to the same question; null where none are asked"
+    )
     _fidelity: AnswerFidelity | None = PrivateAttr(default=None)
 
     @property
@@ -239,3 +243,28 @@ class EtcResult(StarHeader, OfTarget):
     best_band: str | None
     answers: list[EtcAnswer]
     fidelity: EtcFidelity | None = optional("how firm the answers are; null in older results")
+
+
+class AnsweredStar(Row):
+    """One of several stars, or known planets, that a question is about."""
+
+    target: str
+    planet: str | None = optional("the known planet that was asked for by its name; null for a star")
+    hip: int | None
+    v_mag: float
+    distance_pc: float
+    best_band: str | None
+    note: str = column("on the name that was given; empty for none")
+
+
+class EtcStarsResult(OfTables):
+    """Answers of the exposure-time calculator for several targets, each as it is answered alone."""
+
+    main_rows: ClassVar[str] = "answers"
+    kind: Literal["etc_stars"] = "etc_stars"
+    catalogue: str
+    date_utc: str = column("date of the places of stars and companions")
+    reference_planet: ReferencePlanetRecord | None = column("null where all answers are about other planets")
+    stars: list[AnsweredStar] = column("in the order in which they were asked for")
+    answers: list[EtcAnswer] = column("stars in order, bands within each, then separations and planets")
+    fidelity: EtcFidelity = column("how firm the answers are")

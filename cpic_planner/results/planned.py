@@ -357,7 +357,7 @@ class SearchRecord(Row):
     resolution_elements: float = column("searched area over (lambda/D)^2")
     sigma: float = column("false-alarm probability per element is that of so many sigma in a normal law")
     candidates: list[CandidateRecord]
-    curve: list[LimitRow] = column("empty of files, and in older results", default=[])
+    curve: list[LimitRow] = column("empty without the star's light, and in older results", default=[])
 
 
 class ProductVisitRecord(Row):

@@ -38,6 +38,7 @@ RESULTS = {
         ("comparison", "RankComparison"),
         ("answer_comparison", "AnswerComparison"),
         ("etc", "EtcResult"),
+        ("etc_stars", "EtcStarsResult"),
         ("curve", "CurveResult"),
         ("roc", "RocResult"),
         ("plan", "PlanResult"),

@@ -155,7 +155,8 @@ def _measure_files(task: ConfirmTask) -> dict[str, Any]:
         confirmations.append(made.model_copy(update={"drawn_as": "files", "modelled": None}))
     record = None if blind is None else _search_record(blind, at, planets)
     if record is not None:
-        record = record.model_copy(update={"realisations": 1, "false_detections": false})
+        curve = [] if star is None else _curve(at, realisation, star)
+        record = record.model_copy(update={"realisations": 1, "false_detections": false, "curve": curve})
     sources = [] if blind is None else level1.sources_of(at, realisation, blind, star, programme)
     told = {"visits": visits, "sources": sources}
     plain = {name: [item.model_dump(mode="json") for item in rows] for name, rows in told.items()}

@@ -95,6 +95,10 @@ class Level1File(Record):
         """Place of the star beside the centre of the mask, x and y."""
         return float(self.header.get("STAROFFX") or 0.0), float(self.header.get("STAROFFY") or 0.0)
 
+    def pixel_scale_arcsec(self, otherwise: float) -> float:
+        """Return the side of a pixel, that of the instrument (``otherwise``) where the header does not state it."""
+        return float(self.value("PIXSCALE")) if "PIXSCALE" in self.header else otherwise
+
     @property
     def roll_deg(self) -> float:
         """Position angle of the detector's +y axis."""
@@ -236,7 +240,7 @@ class Level1Programme(Record):
                 if abs(one.roll_deg - mine.roll_deg) > 1e-6:
                     allowed = f"{mine.roll_deg:g}, as in {mine.path.name}"
                     raise InputError(f"{one.path.name}: POS_ANG0", one.roll_deg, unit="deg", allowed=allowed)
-                scale = float(one.value("PIXSCALE"))
+                scale = one.pixel_scale_arcsec(pixel_scale_arcsec)
                 if abs(scale / pixel_scale_arcsec - 1.0) > _SAME_SCALE:
                     allowed = f"{pixel_scale_arcsec:g}, that of the instrument in {self.band}"
                     raise InputError(f"{one.path.name}: PIXSCALE", scale, unit="arcsec", allowed=allowed)
@@ -305,7 +309,8 @@ def _cut(files: Iterable[Level1File], seen: Observation, shape: tuple[int, int],
     """
     images, masks, rests = [], [], []
     for one in files:
-        offset = [part / float(one.value("PIXSCALE")) for part in one.star_offset_arcsec]
+        scale = one.pixel_scale_arcsec(seen.psf.geometry.pixel_scale_arcsec)
+        offset = [part / scale for part in one.star_offset_arcsec]
         x, y = float(one.value("CRPIX1")) - 1.0 - offset[0], float(one.value("CRPIX2")) - 1.0 - offset[1]
         first = round(y) - centre[0], round(x) - centre[1]
         place = tuple(slice(low, low + side) for low, side in zip(first, shape, strict=True))

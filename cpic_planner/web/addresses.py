@@ -105,8 +105,10 @@ class Addresses(Record, Generic[Q], eq=False):
         pairs = []
         for option in self.options:
             texts = values.get(option.name, [])
-            if len(texts) > (MOST_VALUES if option.several else 1):
-                most = f"at most {MOST_VALUES}" if option.several else "one value"
+            # A page is about one star.
+            several = option.several and not option.asked.argument
+            if len(texts) > (MOST_VALUES if several else 1):
+                most = f"at most {MOST_VALUES}" if several else "one value"
                 raise InputError(parameter(option), f"{len(texts)} values", allowed=most)
             pairs += [(parameter(option), text) for text in texts]
         return tuple(pairs)
@@ -250,11 +252,10 @@ def _is_number(text: str) -> bool:
 
 _IMAGES = frozenset(("--fidelity", "--tolerance", "--realisations", "--seed"))
 _MODES = frozenset(("--n-modes", "--choose-modes"))
-ETC = Addresses(queries.EtcQuestion, "etc", "/etc", _IMAGES | _MODES)
-"""Questions to the calculator; images and modes are left out, they take seconds to minutes."""
-RANK = Addresses(
-    queries.RankQuestion, "rank", "/priorities", _MODES | {"--instruments", "--ensemble", "--planets", "--stars"}
-)
+_DRAWN = frozenset(("--instruments", "--ensemble"))
+ETC = Addresses(queries.EtcQuestion, "etc", "/etc", _IMAGES | _MODES | _DRAWN)
+"""Questions to the calculator; images, modes and drawn instruments are left out, they take seconds to minutes."""
+RANK = Addresses(queries.RankQuestion, "rank", "/priorities", _MODES | _DRAWN | {"--planets", "--stars"})
 """Rankings; those under many instruments are left out, and lists of stars, which can be files."""
 
 IMAGES = Addresses(

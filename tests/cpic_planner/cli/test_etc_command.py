@@ -188,6 +188,56 @@ def test_strategies_reach_the_calculator(done, star):
     assert rolled[0]["status"] == "ok"
 
 
+def test_several_stars_are_answered_as_each_alone(done):
+    asked = ["--band", "F520", "--band", "F662", "--time", "5h"]
+    names = ["tau Cet", "eps Eri b", "HIP 71681"]
+    out, _ = done(*names, *asked, "--json")
+    together = json.loads(out)
+    alone = [json.loads(done(name, *asked, "--json")[0]) for name in names]
+    assert together["answers"] == [row for one in alone for row in one["answers"]]
+    assert [star["planet"] for star in together["stars"]] == [None, "eps Eri b", None]
+    for star, one in zip(together["stars"], alone, strict=True):
+        assert {name: star[name] for name in ("target", "hip", "best_band", "note")} == {
+            name: one[name] for name in ("target", "hip", "best_band", "note")
+        }
+    # Its record of stated errors counts through the answers of all stars.
+    assert [item["answer"] for item in together["fidelity"]["answers"]] == [
+        number for number, row in enumerate(together["answers"]) if row["n_frames"] is not None
+    ]
+    assert together["config_hash"] not in [one["config_hash"] for one in alone]
+    out, _ = done(*names, *asked, "--columns", "target,band,value", "--format", "csv")
+    lines = [f"{row['target']},{row['band']}," for row in together["answers"]]
+    assert [line[: len(begin)] for line, begin in zip(out.splitlines()[1:], lines, strict=True)] == lines
+
+
+def test_the_table_of_several_stars_says_who_is_detected_and_what_limits_the_others(done):
+    out, _ = done("tau Cet", "eps Ind", "eps Eri", "--band", "F520", "--time", "5h", "--contrast", "2.8e-9")
+    text = " ".join(out.split())
+    verdicts = [
+        row["verdict"]
+        for row in answers(done, *split("'tau Cet' 'eps Ind' 'eps Eri' --band F520 --time 5h --contrast 2.8e-9"))
+    ]
+    assert verdicts == ["detected", "measured_not_detected", "detected"]
+    assert "knows no place: τ Cet, ε Eri." in text
+    assert "in the best one limited: ε Ind" in text
+    assert "3 targets; SNR in 5.00 h" in text
+
+
+def test_checks_in_images_name_the_star(done):
+    asked = "'tau Cet' 'eps Ind' --band F520 --time-s 3600 --fidelity standard --realisations 2"
+    rows = [line.split()[:3] for line in done(*split(asked))[0].partition("Checked in images")[2].splitlines()]
+    assert [row[:3] for row in rows if row[2:] == ["F520"]] == [["τ", "Cet", "F520"], ["ε", "Ind", "F520"]]
+
+
+@pytest.mark.parametrize("option", ["--budget", "--explain", "--plot=x.png"])
+def test_what_is_about_one_star_is_refused_of_several(refuses, option):
+    refuses(["tau Cet", "eps Ind", option], [option.partition("=")[0], "2 targets"])
+
+
+def test_a_name_without_quotation_marks_is_told(refuses):
+    refuses(["tau", "Cet"], ["star = tau", "TARGET of several words stands in quotation marks"])
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -331,6 +381,9 @@ def test_a_tolerance_makes_images_only_where_it_has_to(call, done):
         (["--realisations", "5", "--tolerance", "0.1"], ["--realisations", "5", "--fidelity standard"]),
         (["--realisations", "0", "--fidelity", "standard"], ["--realisations", "1"]),
         (["--seed", "5"], ["--seed", "5", "--fidelity standard"]),
+        (["--ensemble", "default"], ["--ensemble", "given", "--instruments"]),
+        (["--ensemble", "none", "--instruments", "3"], ["--ensemble", "none", "default"]),
+        (["--instruments", "1"], ["--instruments", "2"]),
         (["--seed", "-1", "--fidelity", "standard"], ["--seed", "0"]),
     ],
 )

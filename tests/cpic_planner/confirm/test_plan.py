@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from astropy.table import Table
 
 import cpic_planner.confirm.plan as module
 from cpic_planner.cli.main import main
@@ -143,6 +144,19 @@ def test_page_one_stands_in_plan_json_and_in_the_tables(finished):
         for band in (band for band in target["bands"] if band["status"] == "ok"):
             assert band["telescope_h"] > band["time_s"] / 3600.0 / 0.65 + 2 * band["visits"] * 5500.0 / 3600.0
             assert float(measured[target["name"], band["band"]]["telescope_h"]) == pytest.approx(band["telescope_h"])
+
+
+def test_contrast_curves_are_those_of_every_target_and_band_with_images(finished):
+    out, text = finished
+    table = Table.read(out / "export" / "contrast_curve.ecsv", format="ascii.ecsv")
+    bands = [(target["name"], band) for target in json.loads(text)["targets"] for band in target["bands"]]
+    imaged = {(name, band["band"]): band for name, band in bands if band["status"] == "ok"}
+    assert {(row["target"], row["band"]) for row in table} == set(imaged)
+    for (name, band), measured in imaged.items():
+        own = table[(table["target"] == name) & (table["band"] == band)]
+        there = np.interp(measured["separation_arcsec"], own["separation_arcsec"], own["contrast_limit"])
+        # Another quadrant of the same ring: the scatter of some twenty sums is known to 16 %.
+        assert there == pytest.approx(measured["observations"][0]["contrast_limit"], rel=0.5)
 
 
 def test_plan_holds_no_clock_host_or_path(finished):

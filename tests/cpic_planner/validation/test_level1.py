@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from astropy.io import fits
 from astropy.table import Table
 
 from cpic_core import InputError
@@ -79,6 +80,16 @@ def test_visits_are_told_apart_by_headers_and_patterns(tmp_path):
     assert programme.visits["off_mask"][0][0].path.name == "d.fits"
     with pytest.raises(InputError, match="science visit in F520"):
         level1_programmes(tmp_path, ["F520"], ["night"])
+
+
+def test_a_pixel_is_that_of_the_instrument_where_headers_do_not_state_it(tmp_path):
+    for name, role in (("a.fits", "science"), ("b.fits", "reference")):
+        small(tmp_path / name, ROLE=role)
+        with fits.open(tmp_path / name, mode="update") as units:
+            del units[1].header["PIXSCALE"]
+    (programme,) = level1_programmes(tmp_path)
+    programme.check(0.0162)
+    assert programme.first.pixel_scale_arcsec(0.0162) == 0.0162
 
 
 def test_the_scene_is_that_of_the_parameters_of_the_same_observation(tmp_path):
@@ -159,6 +170,9 @@ def test_a_scene_stands_beside_its_files(folder, truth):
     assert source.contrast == pytest.approx(source.rate_e_s / star.rate_e_s)
     assert result.searches[0].false_detections == 0
     assert not result.bare
+    curve = result.searches[0].curve
+    there = np.interp(0.65, [row.separation_arcsec for row in curve], [row.contrast_limit for row in curve])
+    assert there == pytest.approx(band.observations[0].contrast_limit, rel=0.5)  # another quadrant of the ring
 
 
 @pytest.mark.long
