@@ -6,7 +6,7 @@ from typing import Any
 
 from cpic_core import InputError, digest_of
 from cpic_planner import results
-from cpic_planner.jobs import Cost, Job, Runner, Task
+from cpic_planner.jobs import Cost, Job, Runner, Task, contents_of
 from cpic_planner.queries import ReduceQuestion
 from cpic_planner.version import __version__
 from simulator import reduction
@@ -166,7 +166,7 @@ def make_master(plan: Plan, maps: Mapping[str, str], root: str, folder: str) -> 
     own.mkdir(exist_ok=True)
     master = reduction.make_master(plan, _masters_of(plan.uses, maps, folder), own)
     reduction.write_master(own / name, master, plan.files[0].exposure_s)
-    return {"files": _about(own, [name])}
+    return {"files": contents_of(own, [name])}
 
 
 def reduce_one(
@@ -188,8 +188,4 @@ def reduce_one(
         assumed=list(level0.assumed),
         **{key: getattr(made, key) for key in ("n_frames", "steps", "mask_counts", "median_e", "error_e")},
     )
-    return {"files": _about(own, [row.file, row.error_file]), "row": row.model_dump(mode="json")}
-
-
-def _about(own: Path, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-    return {name: {"size_bytes": (own / name).stat().st_size, "sha256": digest_of(own / name)} for name in names}
+    return {"files": contents_of(own, [row.file, row.error_file]), "row": row.model_dump(mode="json")}

@@ -31,7 +31,7 @@ from cpic_core import (
     load_mapping,
 )
 from cpic_planner import results
-from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, pace, run
+from cpic_planner.jobs import Cost, Job, RunFolder, Runner, RunSettings, Task, contents_of, pace, run
 from cpic_planner.queries import called, called_as
 from cpic_planner.validation import Cube, CubeKind, calibrated_cube, cube_files, modelling_record
 from cpic_planner.version import __version__
@@ -910,8 +910,7 @@ def make_sequence(
         )
     except InputError as error:
         raise located(error, f"sequence {item.obsid}") from None
-    names = _files(item, truth=truth)
-    files = {name: {"size_bytes": (own / name).stat().st_size, "sha256": digest_of(own / name)} for name in names}
+    files = contents_of(own, _files(item, truth=truth))
     streams = {} if item.part is None else {"streams": list(tally.path)}
     return {"files": files} | {name: getattr(tally, name) for name in _TALLIED} | streams
 

@@ -3,6 +3,7 @@ from cpic_planner.jobs.folder import (
     LIST_NAME as LIST_NAME,
     DamagedPartError as DamagedPartError,
     RunFolder as RunFolder,
+    contents_of as contents_of,
 )
 from cpic_planner.jobs.job import (
     Cost as Cost,

@@ -36,7 +36,7 @@ import re
 import secrets
 import shutil
 import stat
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
@@ -424,6 +424,11 @@ def _below(name: str) -> str:
     if not name or name.startswith("/") or not {"", ".", ".."}.isdisjoint(name.split("/")):
         raise ValueError("not a name below the folder")
     return name
+
+
+def contents_of(root: Path, names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Return the size and the checksum of files by their names, as pieces of work state them."""
+    return {name: {"size_bytes": (root / name).stat().st_size, "sha256": digest_of(root / name)} for name in names}
 
 
 def has_list(root: Path) -> bool:

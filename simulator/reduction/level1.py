@@ -59,18 +59,8 @@ NOTES = {
 _MOST_TEXT = 60  # characters of a text and its comment in one card
 _BITS: list[Card] = [(f"MASK{bit.value:03d}", str(bit.name).lower(), "what this bit says") for bit in MaskBit]
 _UNREDUCED = {
-    "NSAT",
-    "NREGSAT",
-    "NCLIP",
-    "BIASLEV",
-    "EPERADU",
-    "NEXTEND",
-    "FILENAME",
-    "BUNIT",
-    "FPRINT",
-    "PARMSUM",
-    "NCR",
-    "NNEGRATE",
+    *("NSAT", "NREGSAT", "NCLIP", "BIASLEV", "EPERADU", "NCR", "NNEGRATE"),
+    *("NEXTEND", "FILENAME", "BUNIT", "FPRINT", "PARMSUM"),
 }
 
 
@@ -209,8 +199,7 @@ def write_level1(
     def cards(values: Mapping[str, Value]) -> list[Card]:
         return _cards({key: value for key, value in values.items() if key not in _UNREDUCED}, table)
 
-    own: dict[str, Value] = {"VER_PIPE": f"{DISTRIBUTION} {software_version()}", "STA_PIPE": 0}
-    own |= {"NFRAME": n_frames}
+    own: dict[str, Value] = {"VER_PIPE": f"{DISTRIBUTION} {software_version()}", "STA_PIPE": 0, "NFRAME": n_frames}
     with whole_file(error_file(place)) as beside, whole_file(place) as file:
         extensions: Card = ("NEXTEND", 2 * n_frames, "extensions in this file")
         append_primary(file, [*identity(place), extensions, *cards({**primary, **own})])

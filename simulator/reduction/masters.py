@@ -63,26 +63,21 @@ def plans_for(level0: Level0, found: Iterable[Level0]) -> dict[str, Plan]:
         Calibration files.
     """
     own = [item for item in found if item.shape == level0.shape and item.path != level0.path]
-    chosen: dict[str, Plan] = {}
 
-    def of(kind: str, to: Level0) -> list[Level0]:
-        """Return the files of a kind that are nearest to a sequence: all of one gain, exposure and band."""
+    def plan(kind: str, to: Level0) -> Plan | None:
+        """Return the master of the files of a kind that are nearest to a sequence: all of one gain, exposure, band."""
 
-        def far(item: Level0) -> tuple[bool, float]:
+        def far(item: Level0) -> tuple[bool, float, str]:
             other_band = kind == "FLAT" and item.header.get("FILTER") != to.header.get("FILTER")
             apart = nearness(item.em_gain, to.em_gain)
-            return other_band, apart + (nearness(item.exposure_s, to.exposure_s) if kind == "DARK" else 0.0)
+            apart += nearness(item.exposure_s, to.exposure_s) if kind == "DARK" else 0.0
+            return other_band, apart, str(item.path)
 
         usable = [item for item in own if item.kind == kind and (kind != "DARK" or _as_warm(item, to))]
         if not usable:
-            return []
-        best = min(usable, key=lambda item: (far(item), str(item.path)))
-        return [item for item in usable if _alike(item, best)]
-
-    def plan(kind: str, to: Level0) -> Plan | None:
-        files = of(kind, to)
-        if not files:
             return None
+        best = min(usable, key=far)
+        files = [item for item in usable if _alike(item, best)]
         needed = {"BIAS": (), "DARK": ("BIAS",), "FLAT": ("BIAS", "DARK")}[kind]
         uses = tuple(made for other in needed if (made := plan(other, files[0])) is not None)
         first = files[0]
@@ -92,10 +87,7 @@ def plans_for(level0: Level0, found: Iterable[Level0]) -> dict[str, Plan]:
         name += f"_{zlib.crc32(repr([file.path.name for file in files] + [used.name for used in uses]).encode()):08x}"
         return Plan(kind, name, tuple(files), uses)
 
-    for kind in MASTER_KINDS:
-        if (made := plan(kind, level0)) is not None:
-            chosen[kind] = made
-    return chosen
+    return {kind: made for kind in MASTER_KINDS if (made := plan(kind, level0)) is not None}
 
 
 def _as_warm(item: Level0, to: Level0) -> bool:

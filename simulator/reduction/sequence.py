@@ -9,6 +9,7 @@ import numpy as np
 from cpic_core import FloatArray, NDArray, Record
 from simulator.camera import MaskBit
 from simulator.products.keywords import Value, load_keywords
+from simulator.products.write import fits_section
 from simulator.reduction.frames import Staged, expected, raw_variance, scatter_of, staged
 from simulator.reduction.level0 import Level0
 from simulator.reduction.level1 import write_level1
@@ -82,14 +83,14 @@ def reduce_sequence(level0: Level0, masters: Masters, path: Path, scratch: Path 
                 found[(bits & MaskBit.BAD) != 0] = 0.0
                 good = bits == 0
                 counts["good"] += int(np.count_nonzero(good))
-                for bit in MaskBit:
-                    counts[str(bit.name).lower()] += int(np.count_nonzero(bits & bit))
+                flagged = {bit: int(np.count_nonzero(bits & bit)) for bit in MaskBit}
+                for bit, number in flagged.items():
+                    counts[str(bit.name).lower()] += number
                 mean, spread = scatter_of(found[good])
                 medians.append(float(np.median(found[good])) if good.any() else 0.0)
                 own: dict[str, Value] = {**frames.own[index], "LEVEL": frames.levels_adu[index]}
                 own |= {"FRAMEID": index + 1, "I_MEAN": mean, "I_STD": spread if good.any() else 0.0}
-                own["CR_NUM"] = int(np.count_nonzero(bits & MaskBit.COSMIC_RAY))
-                own["SP_NUM"] = int(np.count_nonzero(bits & MaskBit.SATURATED))
+                own |= {"CR_NUM": flagged[MaskBit.COSMIC_RAY], "SP_NUM": flagged[MaskBit.SATURATED]}
                 yield found, bits, own
 
         sizes: list[float] = []
@@ -165,14 +166,10 @@ def _headers(
     for key, first in (("CRPIX1", columns.start), ("CRPIX2", rows.start)):
         if key in image:
             image[key] = float(image[key]) - first
-    active = rows, columns
-    primary |= {
-        "L0FILE": level0.path.name,
-        "L0SEC": f"[{columns.start + 1}:{columns.stop},{rows.start + 1}:{rows.stop}]",
-    }
-    primary |= {"BP_NAM": steps["bad_pixels"], "BP_NUM": int(np.count_nonzero(flaws[active]))}
+    primary |= {"L0FILE": level0.path.name, "L0SEC": fits_section((rows, columns))}
+    primary |= {"BP_NAM": steps["bad_pixels"], "BP_NUM": int(np.count_nonzero(flaws[rows, columns]))}
     for letter, master in (("B", known.bias), ("D", known.dark), ("F", known.flat)):
-        mean, spread = scatter_of(master.value[active])
+        mean, spread = scatter_of(master.value[rows, columns])
         primary |= {f"{letter}_NAM": master.name, f"{letter}_MEAN": mean, f"{letter}_STD": spread}
     primary |= {"CIC_NAM": steps["clock_charge"], "NL_NAM": steps["nonlinearity"], "CR_MOD": steps["cosmic_rays"]}
     return primary, image
