@@ -92,6 +92,7 @@ from catalogs.spectra import (
 from catalogs.stars import (
     ADDED_FLAGS as ADDED_FLAGS,
     QUANTITIES as QUANTITIES,
+    SHIPPED_FLAGS as SHIPPED_FLAGS,
     StarTable as StarTable,
     load_stars as load_stars,
 )

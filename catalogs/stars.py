@@ -47,7 +47,7 @@ COLUMNS: tuple[Column, ...] = columns_of("stars", without="not_shipped")
 QUANTITIES = Columns(*columns_of("stars", only="own"), table="stars")
 """Every column that a user's table may give, by its name."""
 
-FLAGS = shipped_words("star_flags", "shipped")
+SHIPPED_FLAGS = shipped_words("star_flags", "shipped")
 """Words of the column quality_flags in the shipped table, and what each means."""
 ADDED_FLAGS = shipped_words("star_flags", "added")
 """Words that only refreshed tables and tables of a user's own have."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from importlib import resources
 from typing import Any
 
-from catalogs import ADDED_FLAGS, CONSTELLATIONS, GREEK
+from catalogs import ADDED_FLAGS, CONSTELLATIONS, GREEK, SHIPPED_FLAGS
 from cpic_planner import queries, results
 from cpic_planner.registry import SCORES
 from simulator.detectors import noise_terms
@@ -314,12 +314,6 @@ _SMALLEST_GAIN = 1.005
 _CAPS: dict[str, str] = WORDS["gain_caps"]
 
 
-@functools.cache
-def _catalogue_flags() -> dict[str, str]:
-    text = resources.files("catalogs").joinpath("data/stars_columns.json").read_text(encoding="utf-8")
-    return dict(json.loads(text)["quality_flags"])
-
-
 def _spelled(words: Mapping[str, str], code: str) -> str:
     """Return what a code means; an unknown one with spaces for underscores."""
     return words.get(code, code.replace("_", " "))
@@ -380,7 +374,7 @@ def limit_text(limit: str) -> str:
 def flag_text(flag: str) -> str:
     """Return a flag as words; unknown flags with spaces for underscores."""
     of_library = next((item.caveats[flag] for item in queries.LIBRARIES.values() if flag in item.caveats), "")
-    return of_library or FLAGS.get(flag) or ADDED_FLAGS.get(flag) or _spelled(_catalogue_flags(), flag)
+    return of_library or FLAGS.get(flag) or _spelled(ADDED_FLAGS | SHIPPED_FLAGS, flag)
 
 
 def plus_minus(text: str) -> str:

@@ -24,7 +24,7 @@ from simulator.config import SKY_KINDS, checked_utc
 from simulator.products.ephemeris import elapsed_s, mjd_of, stamp
 from simulator.products.keywords import ALL_ONES, KEYWORD_FILE, Keyword, Profile, load_keywords, ones_sum
 from simulator.products.sequence import ProductName
-from simulator.products.write import ATTITUDE, CONFIGURATION_FILE, PARAMS_FILES, SUM_KEYWORD, sum_of
+from simulator.products.write import ATTITUDE, CONFIGURATION_FILE, PARAMS_FILES, SUM_KEYWORD, read_section, sum_of
 
 Severity = Literal["error", "warning"]
 
@@ -537,9 +537,6 @@ def check_electrons(report: Report, header: Header, hdu: int) -> None:
         report.error(f"is {stated}, GAIN / EMGAIN is {gain / register:.6g}", "EPERADU", hdu)
 
 
-_SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
-
-
 @dataclass
 class FileFacts:
     """The facts of a Level-0 file that other checks need: parameters, truth and tree.
@@ -657,14 +654,12 @@ def _check_sections(report: Report, header: Header, shape: tuple[int, ...], numb
     for keyword in load_keywords():
         if not keyword.section or not isinstance(header.get(keyword.name), str):
             continue
-        found = _SECTION.fullmatch(header[keyword.name])
-        numbers = [] if found is None else [int(part) for part in found.groups()]
-        inside = numbers and 1 <= numbers[0] <= numbers[1] <= shape[1] and 1 <= numbers[2] <= numbers[3] <= shape[0]
-        if not inside:
+        part = read_section(header[keyword.name], shape)
+        if part is None:
             sound = False
             report.error(f"is {header[keyword.name]!r}, no part of the frame", keyword.name, number)
         elif keyword.section != "image":  # which others are part of
-            total += (numbers[1] - numbers[0] + 1) * (numbers[3] - numbers[2] + 1)
+            total += math.prod(side.stop - side.start for side in part)
     if number == 1 and sound and total not in (0, shape[0] * shape[1]):
         there = f"has {shape[1]} x {shape[0]} pixels, {shape[0] * shape[1]}"
         report.warning(f"{there}; the parts that its header names have {total}", "NAXIS1", number)

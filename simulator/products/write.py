@@ -4,6 +4,7 @@ import contextlib
 import csv
 import hashlib
 import io
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib import metadata
@@ -218,6 +219,25 @@ def fits_section(section: Section) -> str:
     if rows.stop <= rows.start or columns.stop <= columns.start:
         return ""
     return f"[{columns.start + 1}:{columns.stop},{rows.start + 1}:{rows.stop}]"
+
+
+_SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
+
+
+def read_section(text: str, shape: Sequence[int]) -> Section | None:
+    """Return what `fits_section` wrote as slices; None for what is no part of an image of this shape, (rows, columns).
+
+    Parameters
+    ----------
+    text : str
+    shape : sequence of int
+    """
+    match = _SECTION.fullmatch(text)
+    if match is None:
+        return None
+    left, right, low, high = map(int, match.groups())
+    inside = 1 <= left <= right <= shape[1] and 1 <= low <= high <= shape[0]
+    return (slice(low - 1, high), slice(left - 1, right)) if inside else None
 
 
 # Electrons are no unit of the FITS standard: there the names of the columns say it.

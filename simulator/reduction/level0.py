@@ -1,7 +1,6 @@
 """Level-0 files of any writer, frame by frame, with the numbers of the camera that took them."""
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
@@ -13,10 +12,10 @@ from cpic_core import BoolArray, FloatArray, InputError, Record
 from simulator.config import SKY_KINDS, Detector, Instrument, Section
 from simulator.products.keywords import load_keywords
 from simulator.products.sequence import ProductName
+from simulator.products.write import read_section
 from simulator.reduction.level1 import fits_units, named_header
 
 KINDS = (*SKY_KINDS, "BIAS", "DARK", "FLAT", "BKG", "LASER")
-_SECTION = re.compile(r"\[(\d+):(\d+),(\d+):(\d+)\]", re.ASCII)
 _SAME_EXPOSURE = 1e-3
 _NUMBERS = {"GAIN": "gain_e_adu", "RDNOISE": "read_noise_e", "BIASLEV": "bias_adu", "FULLWELL": "full_well_e"}
 _OWN = ("FRAMEID", "EXPBEG", "EXPEND")
@@ -178,11 +177,10 @@ def _sections(
         text = header.get(keyword.name)
         if not keyword.section or text is None:
             continue
-        match = _SECTION.fullmatch(str(text).replace(" ", ""))
-        numbers = [int(part) for part in match.groups()] if match else []
-        if not numbers or not (1 <= numbers[0] <= numbers[1] <= shape[1] and 1 <= numbers[2] <= numbers[3] <= shape[0]):
+        part = read_section(str(text).replace(" ", ""), shape)
+        if part is None:
             raise refused(keyword.name, text, f"[first:last column,first:last row] in {shape[1]} x {shape[0]} pixels")
-        found[keyword.section] = slice(numbers[2] - 1, numbers[3]), slice(numbers[0] - 1, numbers[1])
+        found[keyword.section] = part
     if "active" in found:
         return found
     whole = detector.sections if shape == detector.shape else {"active": (slice(0, shape[0]), slice(0, shape[1]))}

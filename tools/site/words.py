@@ -50,7 +50,7 @@ def flags() -> list[Entry]:
     """Return the flags of answers, stars and known planets, with their words."""
     from catalogs import ADDED_FLAGS
     from catalogs.known_planets import FLAGS as OF_PLANETS
-    from catalogs.stars import FLAGS as OF_STARS
+    from catalogs.stars import SHIPPED_FLAGS as OF_STARS
     from cpic_planner.queries import LIBRARIES
     from cpic_planner.report.words import FLAGS as OF_ANSWERS
 

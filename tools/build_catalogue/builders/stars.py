@@ -17,7 +17,7 @@ import numpy as np
 
 from catalogs import Column
 from catalogs.coordinates import ecliptic
-from catalogs.stars import COLUMNS, FLAGS
+from catalogs.stars import COLUMNS, SHIPPED_FLAGS
 from tools.build_catalogue.builders import _star_sources as src
 from tools.build_catalogue.builders._star_aliases import alias_rows, known_star_rows
 from tools.build_catalogue.builders._star_companions import fill_companions
@@ -161,7 +161,9 @@ def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object
 def _columns_json() -> str:
     columns = {c.name: {"unit": c.unit, "kind": c.kind, "description": c.description} for c in COLUMNS}
     return (
-        json.dumps({"schema_version": 1, "columns": columns, "quality_flags": FLAGS}, indent=1, ensure_ascii=False)
+        json.dumps(
+            {"schema_version": 1, "columns": columns, "quality_flags": SHIPPED_FLAGS}, indent=1, ensure_ascii=False
+        )
         + "\n"
     )
 
