@@ -169,16 +169,18 @@ def compared_answers(
     explained = (
         "nothing" if not differs else "both" if asked and made else "question" if asked else "software" if made else ""
     )
-    found: dict[str, Any] = {
-        "settings": differ,
-        "software": software,
-        "only_before": gone,
-        "only_after": came,
-        "changes": changes,
-        "explained_by": explained or "unknown",
-    }
-    sides = {"before": before.record(), "after": after.record()}
-    return results.AnswerComparison(**sides, **found, statement=_statement(**found, hashes=len(hashes)))
+    found = results.AnswerComparison(
+        before=before.record(),
+        after=after.record(),
+        settings=differ,
+        software=software,
+        only_before=gone,
+        only_after=came,
+        changes=changes,
+        explained_by=explained or "unknown",
+        statement="",
+    )
+    return found.model_copy(update={"statement": _statement(found, asked and not differ)})
 
 
 def _kind(quantity: str) -> int:
@@ -206,21 +208,13 @@ def _options(command: Sequence[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     name = "argument"
     for word in command:
-        if word.startswith("-") and not _is_number(word):
+        if re.match("--?[A-Za-z]", word):
             name, _, value = word.partition("=")
             found[name] = f"{found[name]}, {value}" if name in found and value else found.get(name, value)
         elif name != "argument" or command[0] != word:
             found[name] = f"{found[name]}, {word}" if found.get(name) else word
             name = "argument"
     return {name: value or "given" for name, value in found.items() if name.removeprefix("--") not in _HOW}
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _asked(result: results.Result) -> dict[str, Any]:
@@ -268,7 +262,7 @@ def _rows(result: Any, above: str = "") -> dict[str, dict[str, Any]]:
     own: dict[str, Any] = {}
     found = {above: own}
     for name, value in vars(result).items():
-        if name in _ABOUT | _ASKED or name == "settings" or (not above and name not in _OUTCOMES | _held(result)):
+        if name in _ABOUT | _ASKED | {"settings"}:
             continue
         if _holds_rows(value):
             seen: Counter[str] = Counter()
@@ -281,13 +275,9 @@ def _rows(result: Any, above: str = "") -> dict[str, dict[str, Any]]:
                     found.setdefault(key, {}).update(values)
                 if not above and place and name != "answers":
                     found[label]["order"] = place + 1
-        else:
+        elif above or name in _OUTCOMES:
             own |= dict(_values(value, name))
     return {key: values for key, values in found.items() if values}
-
-
-def _held(result: Any) -> set[str]:
-    return {name for name, value in vars(result).items() if _holds_rows(value)}
 
 
 def _values(value: Any, name: str) -> Iterator[tuple[str, Any]]:
@@ -297,7 +287,7 @@ def _values(value: Any, name: str) -> Iterator[tuple[str, Any]]:
     if isinstance(value, Mapping):
         for word, below in value.items():
             yield from _values(below, f"{name}.{word}")
-    elif isinstance(value, list | tuple) and any(map(_is_result, value[:1])):
+    elif _holds_rows(value):
         yield name, [item.model_dump(mode="json") for item in value]
     else:
         yield name, value
@@ -329,10 +319,6 @@ def _size(change: results.AnswerChange) -> float:
     return abs(math.log(1.0 + change.relative)) if change.relative > -1.0 else math.inf
 
 
-def _is_verdict(change: results.AnswerChange) -> bool:
-    return change.quantity.rpartition(".")[2] == "verdict"
-
-
 def _begin(verdict: str | None) -> str:
     """Return a verdict without the numbers that it is by."""
     return "none" if verdict is None else re.split(r"[;(]", verdict)[0].strip().replace("_", " ")
@@ -343,19 +329,12 @@ def _words(verdict: str) -> str:
     return re.sub(r"[\d.]+", "", verdict)
 
 
-def _statement(
-    settings: Sequence[results.SettingChange],
-    software: Sequence[str],
-    only_before: Sequence[str],
-    only_after: Sequence[str],
-    changes: Sequence[results.AnswerChange],
-    explained_by: str,
-    hashes: int,
-) -> str:
-    """Say in words what differs and why."""
+def _statement(found: results.AnswerComparison, unstated: bool) -> str:
+    """Say in words what differs and why; ``unstated``: hashes tell that the questions differ, and nothing else."""
+    settings, software, changes = found.settings, found.software, found.changes
     keys = listed([change.key for change in settings], _NAMED)
-    made = f"What made them differs in {listed(list(software), _NAMED)}." if software else ""
-    if explained_by == "nothing":
+    made = f"What made them differs in {listed(software, _NAMED)}." if software else ""
+    if found.explained_by == "nothing":
         asked = f"The questions differ in {keys}, the answers do not." if settings else "No difference."
         return " ".join(filter(None, (asked, made)))
     words = []
@@ -365,12 +344,13 @@ def _statement(
             f"{len(changes)} value{'s' * (len(changes) != 1)} differ{'s' * (len(changes) == 1)} in {rows} "
             f"row{'s' * (rows != 1)} that both have."
         )
-    verdicts = [(one.row, _begin(one.before), _begin(one.after)) for one in changes if _is_verdict(one)]
-    if told := [f"{row} ({was} to {now})" for row, was, now in verdicts if _words(was) != _words(now)]:
+    verdicts = [one for one in changes if one.quantity.rpartition(".")[2] == "verdict"]
+    moves = [(one.row, _begin(one.before), _begin(one.after)) for one in verdicts]
+    if told := [f"{row} ({was} to {now})" for row, was, now in moves if _words(was) != _words(now)]:
         words.append(f"The verdict changes for {listed(told, _NAMED)}.")
-    for side, names in (("first", only_before), ("second", only_after)):
+    for side, names in (("first", found.only_before), ("second", found.only_after)):
         if names:
-            words.append(f"Only the {side} has {listed(list(names), _NAMED)}.")
+            words.append(f"Only the {side} has {listed(names, _NAMED)}.")
     if len(settings) == 1:
         one = settings[0]
         words.append(
@@ -379,12 +359,12 @@ def _statement(
         )
     elif settings:
         words.append(f"The questions differ in {keys}; compare answers that differ in one of them to tell which it is.")
-    elif hashes > 1 and not software:
+    elif unstated and not software:
         words.append("The questions differ, by their hashes, in something that the answers do not state.")
     if software and not settings:
         words.append(f"The questions are the same as far as the answers state them. {made}")
     elif made:
         words.append(made)
-    if explained_by == "unknown":
+    if found.explained_by == "unknown":
         words.append("This is not explained: question, code, data and libraries are the same as far as is stated.")
     return " ".join(words)

@@ -316,7 +316,7 @@ def write_rejects(path: Path, left_out: Sequence[tuple[str, LeftOut]]) -> None:
     """
     from cpic_planner import results
 
-    rows = results.left_out_cells(left_out)
+    rows = [results.LeftOutCell.of(item, table=table, reason=item.why) for table, item in left_out]
     columns = results.taken_of(results.LeftOutCell)
     write: dict[str, Callable[[], str | bytes]] = {
         ".csv": lambda: results.csv_text(results.names_of(results.LeftOutCell), map(results.values_of, rows)),

@@ -1,14 +1,14 @@
 """Answers of the exposure-time calculator at a setting of the dial: closed forms alone, or checked in images."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from cpic_core import InputError, Outcome, check_whole
 from cpic_planner.etc import EtcModel, closed_form_fidelity
 from cpic_planner.queries import ReferencePlanet
 from cpic_planner.results import AnswerFidelity, EtcAnswer, ImageCheck
 from cpic_planner.targets import Targets
-from simulator.knobs import Dial, Quantity
+from simulator.knobs import Dial
 
 MAX_REALISATIONS = 100_000
 
@@ -18,11 +18,9 @@ def needs_images(answer: EtcAnswer, dial: Dial) -> bool:
     if answer.n_frames is None or dial.fidelity == "quick":
         return False
     error = closed_form_fidelity(0, answer).closed_form_error
-    return dial.fidelity != "custom" or error is None or not _met(error, dial)
-
-
-def _met(error: Mapping[Quantity, float], dial: Dial) -> bool:
-    return all(value <= dial.tolerance[name] for name, value in error.items())
+    if dial.fidelity != "custom" or error is None:
+        return True
+    return any(value > dial.tolerance[name] for name, value in error.items())
 
 
 def checked_answers(

@@ -4,7 +4,7 @@ import functools
 from pathlib import Path
 from typing import Any
 
-from cpic_core import InputError, Record, as_path, parse_json, read_file
+from cpic_core import InputError, Record, as_path, digest_of, parse_json, read_file
 from cpic_planner import validation
 from cpic_planner.queries import ConfirmQuestion
 from simulator.config import Scene, load_instrument, load_scene
@@ -35,7 +35,7 @@ class MeasuredFiles(Record, eq=False):
     def sums(self) -> list[str]:
         """Checksums (SHA-256) of all files that are read, by band and visit."""
         return [
-            f"{programme.band} {role} {number} {one.checksum}"
+            f"{programme.band} {role} {number} {digest_of(one.path)}"
             for programme in self.programmes
             for role, visits in programme.visits.items()
             for number, files in enumerate(visits)

@@ -225,7 +225,6 @@ class VisibilityQuestion(shared.CatalogQuestion):
         None,
         "Limits of pointing: preset, or YAML file.",
         option="--visibility",
-        command=str,
         unset="default",
         accepts="VisibilityConfig, mapping, str or Path",
     )

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator
 
 from cpic_planner.queries.changes import InstrumentParts, read_instrument
 from cpic_planner.queries.question import asked
-from cpic_planner.queries.shared import RunQuestion, several
+from cpic_planner.queries.shared import RunQuestion, asked_out, several
 from simulator.config import Instrument, load_instrument
 
 Paths = Annotated[tuple[Path, ...], BeforeValidator(several)]
@@ -42,6 +42,4 @@ class ReduceQuestion(RunQuestion):
         read=read_instrument,
         accepts="Instrument, mapping, str or Path",
     )
-    out: Path = asked(
-        Path("out/reduce"), "Output folder; an interrupted run continues there.", physics=False, metavar="DIR"
-    )
+    out: Path = asked_out("out/reduce")

@@ -273,9 +273,7 @@ class PlanQuestion(ImageQuestion, RankedQuestion, RunQuestion):
     schedule_strategy: str | None = asked(
         None, "Strategy of {schedule} whose visits are meant, where it has several.", option="--strategy", physics=False
     )
-    out: Path = asked(
-        Path("cpic-plan"), "Output folder; an interrupted run continues there.", physics=False, metavar="DIR"
-    )
+    out: Path = shared.asked_out("cpic-plan")
 
     @model_validator(mode="after")
     def _of_a_schedule(self) -> Self:
@@ -344,7 +342,6 @@ class WhatIfQuestion(RunQuestion, TablesQuestion, UniverseSettings):
         "survey_default",
         "Preset (survey_default) or YAML file.",
         argument=True,
-        command=str,
         accepts="mapping, str or Path",
     )
     strategy: Texts = asked((), "Only this strategy of them; repeat for several.")

@@ -99,6 +99,11 @@ def asked_planet(text: str = "The reference planet.", **settings: Any) -> Any:
     return asked(ReferencePlanet(), text, accepts="ReferencePlanet or mapping", **settings)
 
 
+def asked_out(folder: str) -> Any:
+    """Declare the output folder of a command that always has one."""
+    return asked(Path(folder), "Output folder; an interrupted run continues there.", physics=False, metavar="DIR")
+
+
 def _of_star(name: str, default: Any, text: str, low: float, high: float) -> Any:
     """Declare a number of the star of a reference library."""
     option = f"--reference-{name}"
@@ -735,7 +740,6 @@ class CatalogQuestion(TablesQuestion):
         "Star table: snapshot, latest (made by cpic catalog refresh), simbad_2012 (the snapshot with companions where "
         "they were first listed), or a file (CSV, VOTable, FITS or another format).",
         physics=False,
-        command=str,
         read=_catalog,
         accepts="str, Path or Catalogue",
         names_file=lambda word: word not in ("snapshot", "simbad_2012"),

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator
 from cpic_core import InputError
 from cpic_planner.queries.changes import InstrumentParts
 from cpic_planner.queries.question import Asked, Parts, asked
-from cpic_planner.queries.shared import RunQuestion, TablesQuestion, several
+from cpic_planner.queries.shared import RunQuestion, TablesQuestion, asked_out, several
 from simulator.config import Offset, SequenceConfig, SequenceSettings
 
 _CHANGES = ("frames", "seed", "fidelity", "tolerance", "switches", "start_utc")
@@ -54,9 +54,7 @@ _WHOLE = "programme", True
 class SwitchParts(Parts):
     """Options of the switches of effects."""
 
-    off: Names | None = asked(
-        None, "Leave an effect of the camera out, or all; repeat for several.", metavar="EFFECT", command=str
-    )
+    off: Names | None = asked(None, "Leave an effect of the camera out, or all; repeat for several.", metavar="EFFECT")
 
     def made(self, base: Any) -> dict[str, bool]:
         """Return the effects that are left out as switches."""
@@ -104,14 +102,11 @@ class SimulateQuestion(RunQuestion, TablesQuestion, SequenceSettings):
         "scene; nothing for a calibration kind.",
         argument=True,
         metavar="WHAT...",
-        command=str,
-        several=True,
         accepts="simulation, scene, mapping, str, Path, or a list of them",
     )
     reference_scene: Any = asked(
         None,
         "What reference visits look at: a scene.",
-        command=str,
         unset="the scene without its planets",
         accepts="scene, mapping, str or Path",
     )
@@ -153,9 +148,7 @@ class SimulateQuestion(RunQuestion, TablesQuestion, SequenceSettings):
         physics=False,
     )
     truth: bool = asked(True, "Write the truth beside the products.")
-    out: Path = asked(
-        Path("out/simulate"), "Output folder; an interrupted run continues there.", physics=False, metavar="DIR"
-    )
+    out: Path = asked_out("out/simulate")
 
     @property
     def given(self) -> dict[str, Any]:

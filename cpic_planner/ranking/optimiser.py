@@ -784,15 +784,9 @@ def best_in_band(
     time_s: float,
     planet: ReferencePlanet,
     separation_arcsec: float | None = None,
-    *,
-    brief: bool = False,
 ) -> OptimalSetting:
-    """Return the best separation, visits and settings of each target in one band within a time; see `optimise`.
-
-    ``brief``: neither what limits a planet that is not detected nor what would detect it, and of a blind search no
-    chance at a known place.
-    """
-    return Search(model, targets, band, planet, separation_arcsec).in_time(time_s, brief=brief)
+    """Return the best separation, visits and settings of each target in one band within a time; see `optimise`."""
+    return Search(model, targets, band, planet, separation_arcsec).in_time(time_s, brief=False)
 
 
 def quickest(searches: Sequence["Search"], stars: IntArray) -> FloatArray:

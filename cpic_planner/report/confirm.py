@@ -358,13 +358,9 @@ def audit_blocks(name: str, bands: Iterable[BandConfirmation]) -> Iterator[doc.B
             band=doc.own_column("band", "{0.band}", look="left"),
             planet=doc.own_column("planet", "{0.planet}", look="left"),
             true_contrast=doc.own_column("true contrast", "{0.true_contrast:.2e}"),
-            detected=lambda case: _yes_or_no(case[1].detected, "found", "not found"),
+            detected=lambda case: doc.badge(*(("ok", "found") if case[1].detected else ("unreachable", "not found"))),
         )
         yield doc.Table(f"Frame by frame, {name}", columns, audited, words.text("texts.audit"))
-
-
-def _yes_or_no(found: bool, yes: str, no: str) -> doc.Mark:
-    return doc.badge("ok", yes) if found else doc.badge("unreachable", no)
 
 
 def picture_blocks(images: Mapping[str, Picture], keys: Iterable[str], name: str) -> Iterator[doc.Block]:

@@ -57,6 +57,12 @@ class Observed(Record):
     band: BandConfirmation
     row: ObservationRow
 
+    @property
+    def flux(self) -> float | None:
+        """Flux density of the planet; None without that of the star."""
+        light = self.band.star_flux_density
+        return None if light is None else light * self.row.contrast
+
 
 def observed(result: AnyImages) -> Iterator[Observed]:
     """Yield every realisation of every planet and band, in the order of the result."""
@@ -162,8 +168,12 @@ def photometry_ecsv(result: AnyImages) -> str:
         _float("width", "full width of the band", lambda it: _um(it.item.band.band_width_nm), "um"),
         _float("contrast", "planet over star", lambda it: it.item.row.contrast),
         _float("contrast_error", "1 sigma, the star's light off the mask included", lambda it: it.contrast),
-        _float("flux", "contrast times the star's mean flux density", lambda it: _flux(it.item), _FLUX),
-        _float("flux_error", "1 sigma, the star's magnitude included", _flux_error, _FLUX),
+        _float("flux", "contrast times the star's mean flux density", lambda it: it.item.flux, _FLUX),
+        _float(
+            *("flux_error", "1 sigma, the star's magnitude included"),
+            lambda it: None if it.item.flux is None else it.flux,
+            _FLUX,
+        ),
     ]
     return _ecsv(result, columns, rows)
 
@@ -204,15 +214,6 @@ def passband_samples(band: Band) -> tuple[FloatArray, FloatArray]:
     edges = 1e-6 * band.width_nm
     throughput = np.concatenate([[0.0], band.transmission(inside), [0.0]])
     return np.concatenate([[low - edges], inside, [high + edges]]) * _UM, throughput
-
-
-def _flux(item: Observed) -> float | None:
-    light = item.band.star_flux_density
-    return None if light is None else light * item.row.contrast
-
-
-def _flux_error(point: BandPoint) -> float | None:
-    return None if point.item.band.star_flux_density is None else point.flux
 
 
 def _um(length_nm: float | None) -> float | None:

@@ -81,11 +81,6 @@ def limit_curves(plan: results.PlanResult, model: EtcModel, targets: Targets | N
     return curves
 
 
-def hole_edges(model: EtcModel) -> list[HoleEdges]:
-    """Return the corners of each band's zone on the diagonal."""
-    return [HoleEdges(band, zone.hole_inner_corner_arcsec, zone.owa_arcsec) for band, zone in model.metrics.items()]
-
-
 def panels_of(model: EtcModel, band: str, body: Mapping[str, Any], *, scene: Scene | None = None) -> Panels:
     """Return the images of one finished piece of work, with marks.
 
@@ -149,7 +144,8 @@ def write_report(
     folder.write("measurements.csv", measurements_csv(plan))
     write_export(folder, plan, model.instrument, ((name, body) for (name, _), body in bodies.items()))
     panels = {f"{name} {band}": panels_of(model, band, body) for (name, band), body in bodies.items()}
-    figures = plan_figures(plan, rank, limits=limit_curves(plan, model, targets), holes=hole_edges(model))
+    holes = [HoleEdges(band, zone.hole_inner_corner_arcsec, zone.owa_arcsec) for band, zone in model.metrics.items()]
+    figures = plan_figures(plan, rank, limits=limit_curves(plan, model, targets), holes=holes)
     report = PlanReport(plan, rank, figures, panel_pictures(plan, panels), sensitivity, known)
     folder.write("report.html", page_html(plan_document(report)))
 

@@ -72,7 +72,13 @@ def _measured_table(
     chosen = "→ marks the one to observe in"
     columns = [
         doc.own_column("target", target, look="row left star", files=star),
-        doc.own_column("band", _band_cell, look="left", legend=chosen, files=band),
+        doc.own_column(
+            "band",
+            lambda row: f"{'→' if _is_chosen(row) else ' '} {row[1].band}",
+            look="left",
+            legend=chosen,
+            files=band,
+        ),
         *confirm.measured_columns(confirm.MEASURED.format(more=""), itemgetter(1), plan.reference_library),
     ]
     found = sum(any(band.detected for band in target.bands) for target in plan.targets)
@@ -84,10 +90,6 @@ def _measured_table(
 
 def _is_chosen(row: _Measured) -> bool:
     return row[1].band == row[0].chosen_band
-
-
-def _band_cell(row: _Measured) -> str:
-    return ("→ " if _is_chosen(row) else "  ") + row[1].band
 
 
 def plan_blocks(plan: PlanResult, *, full: bool = True) -> Iterator[doc.Block]:

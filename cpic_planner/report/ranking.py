@@ -357,7 +357,7 @@ def priority_blocks(
         "rank name:row,star tier detection_time_s detection_visits limit drift brighter expected_planets "
         f"expected_planets_unconditional{sure}",
         name=named,
-        limit=doc.own_column("limit", limit_cell),
+        limit=doc.own_column("limit", lambda row: words.LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING),
         drift=doc.own_column("drift factor", "×{required_drift_factor:.2g}"),
         brighter=doc.own_column("planet factor", "×{required_contrast_factor:.2g}"),
         between=_BETWEEN,
@@ -366,8 +366,3 @@ def priority_blocks(
     yield doc.Table("Priorities", columns, rows, caption)
     if rank.ensemble is not None:
         yield doc.Figure(ensemble_picture(rank), "How sure the order is, and what changes it", "ensemble")
-
-
-def limit_cell(row: RankedTarget) -> str:
-    """Return what limits a star, in one or two words."""
-    return words.LIMITED_BY[row.limited_by][0] if row.limited_by else MISSING

@@ -129,7 +129,6 @@ from cpic_planner.results.runs import (
     TradeoffRow as TradeoffRow,
     TradeoffScene as TradeoffScene,
     VisitRow as VisitRow,
-    left_out_cells as left_out_cells,
 )
 from cpic_planner.results.searched import (
     CompletenessMap as CompletenessMap,

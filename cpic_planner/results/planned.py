@@ -72,7 +72,7 @@ class ObservationRow(Row):
     )
     contrast: float = column("measured at the planet's place", format=".2e ± .1e")
     contrast_error: float = column("1 sigma of the planet's noise and the background's; not that of the star's flux")
-    contrast_limit: float = column("contrast whose significance at the place is the threshold", format=".2e")
+    contrast_limit: float = column("contrast whose significance at the place is the threshold")
     star_flux_error: float = column("relative error of the star's measured light, the same in all realisations")
     separation_arcsec: float | None = optional("fitted; null without a detection and a fit that comes to rest")
     separation_error_arcsec: float | None = None
@@ -367,9 +367,9 @@ class ProductVisitRecord(Row):
     role: Literal["science", "reference"]
     visit: int = column("its number among those of its role, from 1", format="d")
     files: list[str]
-    n_frames: int = column("frames that were read", short="frames", format="d")
-    exposure_s: float = column(short="exposure s")
-    em_gain: float = column(short="gain")
+    n_frames: int = column("frames that were read", format="d")
+    exposure_s: float
+    em_gain: float
     roll_deg: float = column("position angle of the detector's +y axis", short="roll °", format=".2f")
     mjd: float | None = optional("begin of its first exposure, UTC")
     shift_x_pixel: float | None = optional(
@@ -384,7 +384,6 @@ class ProductVisitRecord(Row):
     moved: bool = column(
         "frames were moved by this shift, which is significant; else the place of the headers holds",
         label="visit moved",
-        short="visit moved",
     )
     frames_moved: int = column(
         "frames that were moved beside the mean of their visit, by as much as each shows",
@@ -414,11 +413,9 @@ class SourceRecord(Row):
         format=".3g",
     )
     rate_error_e_s: float | None = optional("1 sigma, of the scatter of aperture sums")
-    contrast: float | None = optional(
-        "over the light of the star; null where that is not known", short="contrast", format=".2e ± .1e"
-    )
+    contrast: float | None = optional("over the light of the star; null where that is not known", format=".2e ± .1e")
     contrast_error: float | None = optional("1 sigma, the error of the star's light included")
-    snr: float | None = optional("of the forced photometry", short="SNR", format=".1f")
+    snr: float | None = optional("of the forced photometry", format=".1f")
     search_snr: float = column(
         "of the matched filter of the search", label="SNR of the search", short="SNR", format=".1f"
     )

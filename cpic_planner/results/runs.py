@@ -21,7 +21,7 @@ from cpic_planner.results.base import (
 from simulator.knobs import Quantity
 
 if TYPE_CHECKING:
-    from catalogs import LeftOut, TableReading
+    from catalogs import TableReading
 
 
 class SequenceRow(Row):
@@ -31,7 +31,7 @@ class SequenceRow(Row):
     band: str = column("empty for BIAS and DARK")
     exposure_s: float = column("exposure of a frame, s")
     n_frames: int
-    em_gain: float = column(short="gain", format="g")
+    em_gain: float = column(format="g")
     start_utc: str = column("begin of the first exposure", short="begins (UTC)")
 
 
@@ -153,7 +153,7 @@ class MasterRow(Row):
     file: str = column("below the folder of the run")
     n_frames: int
     exposure_s: float = column("exposure of a frame, s")
-    em_gain: float = column(short="gain", format="g")
+    em_gain: float = column(format="g")
     made_of: list[str] = column("Level-0 files")
     made_with: list[str] = column("other masters that it was made with")
 
@@ -169,9 +169,9 @@ class ReducedSequence(Row):
     band: str = column("empty where the header names none")
     exposure_s: float = column("exposure of a frame, s")
     n_frames: int
-    em_gain: float = column(short="gain", format="g")
-    median_e: float = column("median of the light of good pixels of a frame", label="median", unit="electron")
-    error_e: float = column("median error of a pixel of a frame", label="error", unit="electron")
+    em_gain: float = column(format="g")
+    median_e: float = column("median of the light of good pixels of a frame", label="median")
+    error_e: float = column("median error of a pixel of a frame", label="error")
     steps: dict[str, str] = column("what each step was made with, in the order of the reduction")
     assumed: list[str] = column("what the header does not say, and was taken for it")
     mask_counts: dict[str, int] = column("pixels of all frames with each bit of the mask; good ones have none")
@@ -262,7 +262,7 @@ class TradeoffRow(Row):
     status: StatusText = column("invalid: the way does not apply to this scene, as reason and message say")
     reason: str = ""
     message: str = ""
-    wall_s: float | None = optional("least wall clock of a warm call, for one case", short="wall s", format=".3g")
+    wall_s: float | None = optional("least wall clock of a warm call, for one case", format=".3g")
     cpu_s: float | None = optional("processor time of that call", short="CPU s", format=".3g")
     cold_s: float | None = optional("from the start of a new process to its first answer; null where none was started")
     peak_memory_mb: float | None = optional("peak resident set during the warm calls", short="MB", format=".0f")
@@ -306,7 +306,7 @@ class InstrumentValue(Row):
     value: str
     other: str | None = optional("value of the other instrument; null where there is none")
     unit: str = ""
-    short_name: str = column("what --set and --simulator-overrides call it as well", short="short name", default="")
+    short_name: str = column("what --set and --simulator-overrides call it as well", default="")
     confidence: str = column(
         "P published, I inferred, A assumed; empty for what is the user's", short="sure", default=""
     )
@@ -437,8 +437,3 @@ class ColumnsResult(Document):
     def of_files(cls, found: "Sequence[TableReading]") -> Self:
         """Return the result of what `catalogs.table_readings` returns of one file."""
         return cls(file=found[0].file, tables=[TableTaken.of_file(one) for one in found])
-
-
-def left_out_cells(left_out: "Sequence[tuple[str, LeftOut]]") -> list[LeftOutCell]:
-    """Return rows and cells that were not used, after the name of their table, as rows of a file."""
-    return [LeftOutCell.of(item, table=table, reason=item.why) for table, item in left_out]

@@ -32,10 +32,10 @@ class SearchedProgramme(ProgrammeColumns):
     separation_arcsec: float | None = column("where the programme is the best one, or where the planet stands")
     contrast: float | None = column("of the planet; of a curve the limit there")
     resolution_elements: float | None = optional(
-        "areas of (lambda/D)^2 that a blind search goes through", label="elements", short="elements", format=".0f"
+        "areas of (lambda/D)^2 that a blind search goes through", label="elements", format=".0f"
     )
     flags: tuple[str, ...] = ()
-    images: int = column("programmes that were simulated as images", short="images", default=0)
+    images: int = column("programmes that were simulated as images", default=0)
     images_message: str = column("why there are no images, where some were asked for", default="")
 
 
@@ -65,15 +65,11 @@ class CurveRow(Row):
         "the same in simulated images: threshold times the scatter of sums like that of a planet in the annulus, over "
         "what mask, aperture and subtraction leave of it; quadratic mean of the images",
         label="in images",
-        short="in images",
         format=".2e",
     )
     measured_limit_error: float | None = optional("standard error of measured_limit, by the scatter of the images")
     measured_throughput: float | None = optional(
-        "part of an injected planet's aperture sum that the subtraction leaves",
-        label="left",
-        short="left",
-        format=".3f",
+        "part of an injected planet's aperture sum that the subtraction leaves", label="left", format=".3f"
     )
     threshold: float | None = column(short="thresh σ")
     core_throughput: float | None = column("part of a planet's light in its aperture", short="core", format=".3f")
@@ -107,8 +103,8 @@ class RecoveredRow(Row):
     band: str
     separation_arcsec: float
     contrast: float
-    n_injected: int = column("planets put into images", label="injected", short="injected")
-    n_recovered: int = column("planets that the search detects within lambda/D", label="found", short="found")
+    n_injected: int = column("planets put into images", label="injected")
+    n_recovered: int = column("planets that the search detects within lambda/D", label="found")
     recovered: float = column("found over injected", label="found", short="found %", format="%")
     recovered_low: float = column("with recovered_high: interval of 68 % (Jeffreys)", short="from %", format="%")
     recovered_high: float = column("end of that interval", short="to %", format="%")
@@ -158,7 +154,7 @@ class RocRow(Row):
         short="alarms",
         format=".2e",
     )
-    detection_probability: float = column(_CHANCE, label="found blind", short="blind %", format="%")
+    detection_probability: float = column(_CHANCE, short="blind %")
     false_alarms_known_place: float = column(
         "expected where one place is tested alone", label="false alarms a place", short="at place", format=".2e"
     )
@@ -180,7 +176,7 @@ class RocProgramme(SearchedProgramme):
     """The programme of a band, and what is expected of the planet in it."""
 
     significance: float | None = None
-    threshold: float | None = column("of small samples at the level of the strategy", short="thresh")
+    threshold: float | None = column("of small samples at the level of the strategy")
 
 
 class RocResult(SearchedResult):

@@ -154,9 +154,7 @@ class SurveyTarget(StarRow):
     dec_deg: float
     known_planets: list[str] = column("names in the table of known planets")
     bands: list[str] = column("of its planned visits")
-    visit_time_s: float = column(
-        "wall time of a visit, mean of those planned", label="wall time", short="wall", format="time"
-    )
+    visit_time_s: float = column("wall time of a visit, mean of those planned", label="wall time", short="wall")
     visit_h: float = column("telescope time of a visit, mean of those planned", label="telescope", format=".1f")
     planned_visits: int
     slots: list[int] = column("of the planned visits, those of the reserve included")

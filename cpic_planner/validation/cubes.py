@@ -87,7 +87,8 @@ def calibrated_cube(observation: Observation, numbers: Sequence[int]) -> Cube:
         raise InputError("star_offset_arcsec", observation.star_offset_arcsec, unit="arcsec", allowed="whole pixels")
     half = (observation.psf.on_axis.shape[0] - 1) // 2
     if any(observation.star_offset_arcsec):
-        half = min(half, round(_PSF_LAMBDA_D * _lambda_d_pixel(observation)))
+        geometry = observation.psf.geometry
+        half = min(half, round(_PSF_LAMBDA_D * geometry.lambda_d_arcsec / geometry.pixel_scale_arcsec))
         groups = [numbers[first : first + _AT_ONCE] for first in range(0, len(numbers), _AT_ONCE)]
         place = slice(row - half, row + half + 1), slice(column - half, column + half + 1)
         if min(row, column) < half or np.empty(observation.shape)[place].shape != (2 * half + 1,) * 2:
@@ -123,11 +124,6 @@ def _mended(electrons: FloatArray, covered: BoolArray) -> FloatArray:
         result = np.where(known, result, near)
         known = known | (share > _LEAST_SHARE)
     return result
-
-
-def _lambda_d_pixel(observation: Observation) -> float:
-    metrics = observation.psf.geometry
-    return float(metrics.lambda_d_arcsec / metrics.pixel_scale_arcsec)
 
 
 def cube_files(

@@ -6,7 +6,6 @@ has the orientation of the detector: places are turned to the sky by POS_ANG0.
 """
 
 import functools
-import hashlib
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -17,7 +16,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpic_core import FloatArray, InputError, NDArray, Record, open_file
+from cpic_core import FloatArray, InputError, NDArray, Record
 from cpic_planner.results import ProductVisitRecord, SourceRecord
 from cpic_planner.validation.astrometry import fit_position
 from cpic_planner.validation.frames import CalibratedFrames
@@ -45,7 +44,6 @@ _OFF_MASK_ARCSEC = 0.1  # a star so far from the centre of the mask along both a
 _STAR = ("OBJECT", "RA_OBJ", "DEC_OBJ")
 _SAME_DEG, _SAME_SCALE = 1.0 / 3600.0, 0.01
 _CELL_LAMBDA_D = 2.0
-_ALLOWED, _MOST_BYTES = "a FITS file that can be read", 200_000_000_000
 
 
 class Level1File(Record):
@@ -73,10 +71,10 @@ class Level1File(Record):
             If it is no FITS file.
         """
         with fits_units(path) as units:
-            headers = [unit.header for unit in units if unit.is_image and unit.header.get("NAXIS") == 2]
+            headers = [unit.header for unit in _images_and_masks(units)]
             header = (named_header(headers[0]) if headers else {}) | named_header(units[0].header)
-        images = sum(one["BITPIX"] < 0 and not _is_error(one) for one in headers)
-        paired = images == sum(one["BITPIX"] > 0 for one in headers)
+        images = sum(one["BITPIX"] < 0 for one in headers)
+        paired = 2 * images == len(headers)
         return cls(path, header, images if paired and header.get("OBSTYPE", _KINDS[0]) in _KINDS else 0)
 
     def value(self, key: str, kind: type = float) -> Any:
@@ -112,12 +110,6 @@ class Level1File(Record):
         readout_s = float(self.header.get("READTIME") or 0.0)
         return 0.5 * (self.n_frames * (float(self.value("EXPTIME")) + readout_s) - readout_s)
 
-    @functools.cached_property
-    def checksum(self) -> str:
-        """SHA-256 of the whole file."""
-        with open_file(self.path, key="file", allowed=_ALLOWED, max_bytes=_MOST_BYTES) as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-
     @property
     def star_deg(self) -> tuple[float, float] | None:
         """Right ascension and declination of the star, ICRS; None where the header does not state them."""
@@ -128,9 +120,7 @@ class Level1File(Record):
         """Yield the images in electrons, and their masks, one frame at a time."""
         with fits_units(self.path) as units:
             image = None
-            for unit in units:
-                if unit.header.get("NAXIS") != 2 or not unit.is_image or _is_error(unit.header):
-                    continue
+            for unit in _images_and_masks(units):
                 if unit.header["BITPIX"] < 0:
                     image = unit.data
                 elif image is not None:
@@ -139,8 +129,10 @@ class Level1File(Record):
                 del unit.data  # or the file would be in memory as a whole
 
 
-def _is_error(header: Any) -> bool:
-    return str(header.get("EXTNAME", "")).upper().startswith("ERR")
+def _images_and_masks(units: Any) -> list[Any]:
+    """Return the units of two axes that are no errors."""
+    images = [unit for unit in units if unit.is_image and unit.header.get("NAXIS") == 2]
+    return [unit for unit in images if not str(unit.header.get("EXTNAME", "")).upper().startswith("ERR")]
 
 
 def level1_files(folder: Path) -> list[Level1File]:

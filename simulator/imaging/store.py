@@ -169,10 +169,9 @@ def psf_metrics(instrument: Instrument, band: str) -> PsfMetrics:
         steps = math.lcm(len(configured_apodizer(instrument)), instrument.wavefront.samples)
         return _shipped_metrics(path, steps)
 
-    def metrics_of(arrays: Mapping[str, NDArray[Any]]) -> PsfMetrics:
-        return PsfMetrics.from_arrays(unpacked(arrays))
-
-    return compute_once(f"metrics-{key}", lambda: measure(instrument, band), metrics_of)
+    return compute_once(
+        f"metrics-{key}", lambda: measure(instrument, band), lambda arrays: PsfMetrics.from_arrays(unpacked(arrays))
+    )
 
 
 def measure(instrument: Instrument, band: str) -> dict[str, NDArray[Any]]:

@@ -143,11 +143,7 @@ class Masters(Record, eq=False):
             cic = self._map("cic", level0)
         elif detector.switches.clock_charge:
             cic[:, image[1]] = detector.cic_e
-        none, one = np.zeros(level0.shape), np.ones(level0.shape)
-        plain = calibration(
-            detector, level0.em_gain, t, bias=Master(none), dark=Master(none), flat=Master(one), cic_e=cic
-        )
-        bias = columns or Master(none, name="none: the level of overscan alone")
+        bias = columns or Master(np.zeros(level0.shape), name="none: the level of overscan alone")
         if "BIAS" in self.made:
             bias = self.made["BIAS"][0]
         elif "bias" in self.maps:
@@ -163,7 +159,7 @@ class Masters(Record, eq=False):
             rate = self._map("dark", level0)
             mask = flaw_mask(np.zeros(level0.shape, dtype=np.bool_), rate, section)
             dark = Master(rate * t, mask=mask, name=f"{self.maps['dark'].name}, without noise")
-        flat = Master(one, name="none, 1 everywhere")
+        flat = Master(np.ones(level0.shape), name="none, 1 everywhere")
         if "FLAT" in self.made:
             flat = self.made["FLAT"][0]
         elif "flat" in self.maps:
@@ -171,7 +167,7 @@ class Masters(Record, eq=False):
         if "bad_columns" in self.maps:
             bad = (self._map("bad_columns", level0) > 0).astype(np.uint8) * np.uint8(MaskBit.BAD)
             flat = replace(flat, mask=bad if flat.mask is None else bad | flat.mask)
-        return replace(plain, bias=bias, dark=dark, flat=flat)
+        return calibration(detector, level0.em_gain, t, bias=bias, dark=dark, flat=flat, cic_e=cic)
 
 
 def _as_flat(values: FloatArray, section: tuple[slice, slice], name: str, **noise: FloatArray) -> Master:

@@ -7,12 +7,8 @@ public functions every object of the pool. What hypothesis draws hangs on consta
 a search, not a proof whose evidence could be kept.
 """
 
-import os
-import subprocess
-import sys
 import time
 import warnings
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -134,30 +130,6 @@ def two_lines():
     error = InputError("key", 1, allowed="2")
     error.args = ("key = 1: not accepted\nallowed: 2",)
     raise error
-
-
-DEEP = """
-from tests.fuzz import watched
-
-def chain(n):
-    if n:
-        yield from chain(n - 1)
-    yield n
-
-watched.MEMORY_BYTES = 50_000
-try:
-    print(watched.of_function(lambda: sum(chain(900))))
-except watched.Fault as fault:
-    print(fault)
-"""
-
-
-def test_a_stack_that_grows_at_the_limit_of_memory_ends_no_process():
-    """It did where the limit was one of addresses: a segmentation fault, which says nothing."""
-    where = {"cwd": Path(__file__).parents[2], "env": os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}}
-    done = subprocess.run([sys.executable, "-c", DEEP], capture_output=True, text=True, check=False, **where)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith(("answered", "MemoryError"))
 
 
 @pytest.mark.parametrize(
