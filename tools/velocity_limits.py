@@ -21,26 +21,14 @@ from scipy.optimize import minimize
 from catalogs import load_stars
 from catalogs.names import snapshot_aliases
 from catalogs.nomenclature import designation_key
-from catalogs.velocity_limits import (
-    ANNULI_AU,
-    LIMITS_FILE,
-    NUMBERS,
-    RULES_FILE,
-    VELOCITY_AXES_AU,
-    amplitude_m_s,
-)
+from catalogs.velocity_limits import ANNULI_AU, LIMITS_FILE, NUMBERS, RULES_FILE, VELOCITY_AXES_AU, amplitude_m_s
 from cpic_core import FloatArray
 
 EARTHS_IN_MJUP = 317.828
 OF_SYSTEM = 1
 """Kind of an alias that names a whole system."""
 REFERENCE = "Rosenthal et al. 2021 (2021ApJS..255....8R), injections of github.com/leerosenthalj/CLSI 689d491"
-NO_LIMIT_FROM = {
-    "eps Eri": 2.4,
-    "sig Dra": 0.6,
-    "omi2 Eri": 2.4,
-    "HD 219134": 0.6,
-}
+NO_LIMIT_FROM = {"eps Eri": 2.4, "sig Dra": 0.6, "omi2 Eri": 2.4, "HD 219134": 0.6}
 """Inner edge, au, of the annuli where the survey's search confused injections with a known signal or the star's cycle:
 half of the heaviest planets were missed there, which the velocities show plainly."""
 _USUAL_RATIO, _RATIO_SCATTER = 1.6, 0.7

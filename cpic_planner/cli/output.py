@@ -203,10 +203,7 @@ class RankOutput(Drawn, Answer):
     """The answer of ``cpic rank``."""
 
     limit: int | None = asked(
-        None,
-        "Stars of every table, of {out} too, and of the figure. JSON has all.",
-        ge=1,
-        unset="20, and all in {out}",
+        None, "Stars of every table, of {out} too, and of the figure. JSON has all.", ge=1, unset="20, and all in {out}"
     )
     explain: str | None = asked(None, "Say why this star stands where it stands, instead of the table.")
     sensitivity: bool = asked(
@@ -375,9 +372,7 @@ class RefreshOutput(JsonOutput):
     )
     parallax_min_mas: float | None = asked(None, "Smallest parallax of the stars.", unset="25")
     url: str = asked(
-        "",
-        "TAP service.",
-        unset="$CPIC_SIMBAD_URL, or astroquery's SIMBAD server; $CPIC_ARCHIVE_URL, or the archive's",
+        "", "TAP service.", unset="$CPIC_SIMBAD_URL, or astroquery's SIMBAD server; $CPIC_ARCHIVE_URL, or the archive's"
     )
     timeout_s: float = asked(180.0, "Most time for one answer, from connecting to reading its last cell.")
     retries: int = asked(3, "How often a failure on the way is tried again.")

@@ -111,12 +111,7 @@ def _task(
 
 
 def grey_scene(
-    model: EtcModel,
-    star: Targets,
-    band: str,
-    separation: float,
-    contrast: float,
-    planet: ReferencePlanet | None = None,
+    model: EtcModel, star: Targets, band: str, separation: float, contrast: float, planet: ReferencePlanet | None = None
 ) -> Scene:
     """Return the star with its planet on the diagonal; a grey one stands as far from it as gives it the contrast.
 

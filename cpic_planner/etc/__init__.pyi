@@ -117,8 +117,4 @@ from cpic_planner.etc.rates import (
     reference_notes as reference_notes,
     reflected_contrast as reflected_contrast,
 )
-from cpic_planner.etc.searches import (
-    CaseArrays as CaseArrays,
-    mapped as mapped,
-    whole_steps as whole_steps,
-)
+from cpic_planner.etc.searches import CaseArrays as CaseArrays, mapped as mapped, whole_steps as whole_steps

@@ -535,10 +535,7 @@ class Cases(Record, eq=False):
         return best_s, problem.frame_noise(best_s)[1]
 
     def problem(
-        self,
-        objective: Objective | None = None,
-        programme: Programme | None = None,
-        contrast: FloatArray | None = None,
+        self, objective: Objective | None = None, programme: Programme | None = None, contrast: FloatArray | None = None
     ) -> FrameProblem:
         """Return what the solver needs, with the exposure of most SNR per time where it is that of one visit.
 

@@ -25,14 +25,7 @@ from cpic_planner.etc.detection import verdict_of
 from cpic_planner.etc.fidelity import etc_fidelity, speckle_error_extrapolated
 from cpic_planner.etc.frames import FrameChoice, best_exposure_s, best_in_visit, smooth_least_visit_s
 from cpic_planner.etc.model import EtcModel, Programme, check_range
-from cpic_planner.etc.noise import (
-    MODES_LIMITED,
-    StackNoise,
-    error_noise,
-    modes_obstacle,
-    own_noise,
-    snr_paper,
-)
+from cpic_planner.etc.noise import MODES_LIMITED, StackNoise, error_noise, modes_obstacle, own_noise, snr_paper
 from cpic_planner.etc.rates import Planets, planets_of
 from cpic_planner.etc.searches import last_true, spread, whole_steps
 from cpic_planner.queries import MAX_VISITS, ReferencePlanet

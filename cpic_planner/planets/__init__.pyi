@@ -4,11 +4,7 @@ from cpic_planner.planets.masses import (
     masses_of_gravity_msun as masses_of_gravity_msun,
     star_masses_msun as star_masses_msun,
 )
-from cpic_planner.planets.motion import (
-    ORBIT_DUTY as ORBIT_DUTY,
-    OrbitSearch as OrbitSearch,
-    span_days as span_days,
-)
+from cpic_planner.planets.motion import ORBIT_DUTY as ORBIT_DUTY, OrbitSearch as OrbitSearch, span_days as span_days
 from cpic_planner.planets.population import (
     MAX_PLANETS as MAX_PLANETS,
     N_PLANETS as N_PLANETS,

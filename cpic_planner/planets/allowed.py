@@ -8,13 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from catalogs import (
-    VELOCITY_AXES_AU,
-    KnownPlanetTable,
-    load_known_planets,
-    stability_limit,
-    velocity_limit,
-)
+from catalogs import VELOCITY_AXES_AU, KnownPlanetTable, load_known_planets, stability_limit, velocity_limit
 from cpic_core import ArrayLike, BoolArray, FloatArray, IntArray, Record
 from cpic_planner.planets.masses import MJUP_IN_MSUN, catalogue_masses_msun, catalogue_name, least_mass
 from cpic_planner.queries import EXCLUSIONS

@@ -765,13 +765,7 @@ def planets_of(draws: KnownDraws, row: int, albedo: AlbedoSpec) -> Planets:
 
 
 def ephemeris(
-    table: KnownPlanetTable,
-    row: int,
-    mjd: ArrayLike,
-    *,
-    n_draws: int,
-    seed: int,
-    distance_pc: float,
+    table: KnownPlanetTable, row: int, mjd: ArrayLike, *, n_draws: int, seed: int, distance_pc: float
 ) -> Ephemeris:
     """Return the quantiles of separation, distance and phase of one planet at some dates.
 

@@ -16,9 +16,7 @@ from cpic_planner.queries.changes import (
     two_spellings as two_spellings,
     with_unit as with_unit,
 )
-from cpic_planner.queries.etc import (
-    EtcQuestion as EtcQuestion,
-)
+from cpic_planner.queries.etc import EtcQuestion as EtcQuestion
 from cpic_planner.queries.question import (
     Option as Option,
     Question as Question,

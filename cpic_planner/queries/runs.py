@@ -9,12 +9,7 @@ from pydantic import Field, model_validator
 from catalogs import resolve_star
 from cpic_core import InputError
 from cpic_planner.queries import shared
-from cpic_planner.queries.changes import (
-    Change,
-    SimulatorOverrides,
-    changed,
-    read_instrument,
-)
+from cpic_planner.queries.changes import Change, SimulatorOverrides, changed, read_instrument
 from cpic_planner.queries.question import Parts, Question, asked, asked_changes, called
 from cpic_planner.queries.rank import Exclusions, RankedQuestion, asked_exclusions
 from cpic_planner.queries.shared import RunQuestion, TablesQuestion, Texts
@@ -339,10 +334,7 @@ class WhatIfQuestion(RunQuestion, TablesQuestion, UniverseSettings):
     KIND: ClassVar[str] = "whatif"
 
     strategies: Any = asked(
-        "survey_default",
-        "Preset (survey_default) or YAML file.",
-        argument=True,
-        accepts="mapping, str or Path",
+        "survey_default", "Preset (survey_default) or YAML file.", argument=True, accepts="mapping, str or Path"
     )
     strategy: Texts = asked((), "Only this strategy of them; repeat for several.")
     vary: Texts = asked(

@@ -39,13 +39,7 @@ def _pair(value: Any) -> Any:
 
 Names = Annotated[tuple[str, ...], BeforeValidator(_split)]
 _NUMBERS: dict[str, Any] = {"command": str, "accepts": "float or sequence of float", "read": _numbers}
-_PAIR: dict[str, Any] = {
-    "metavar": "X,Y",
-    "command": str,
-    "several": False,
-    "accepts": "pair of float",
-    "read": _pair,
-}
+_PAIR: dict[str, Any] = {"metavar": "X,Y", "command": str, "several": False, "accepts": "pair of float", "read": _pair}
 
 
 _WHOLE = "programme", True

@@ -130,12 +130,7 @@ def _standing(setting: RankSetting, star: Targets, band: str, counts: CountedPla
         told["budget"] = {name: float(term[_ONLY]) for name, term in noise.terms.items()}
         told["remedies"] = {name: float(term[_ONLY]) for name, term in etc.remedies(cases, choice, noise).items()}
     return BandStanding.of(
-        setting_columns(model, best),
-        best,
-        counted,
-        at=0,
-        floor_margin=min(float(best.floor_margin[0]), 1e300),
-        **told,
+        setting_columns(model, best), best, counted, at=0, floor_margin=min(float(best.floor_margin[0]), 1e300), **told
     )
 
 

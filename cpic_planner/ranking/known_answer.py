@@ -257,11 +257,7 @@ def _orbits(table: KnownPlanetTable, row: int) -> list[results.KnownOrbit]:
         share = float(weights[k] / weights.sum())
         found.append(
             results.KnownOrbit(
-                reference=reference,
-                share=share,
-                period_days=period,
-                semi_major_axis_au=axis,
-                eccentricity=eccentricity,
+                reference=reference, share=share, period_days=period, semi_major_axis_au=axis, eccentricity=eccentricity
             )
         )
     return found
@@ -291,10 +287,7 @@ def _windows(band: str, mjd: FloatArray, share: FloatArray) -> list[results.Know
 def _track(where: Ephemeris) -> results.KnownTrack:
     low, median, high = where.separation_arcsec.tolist()
     return results.KnownTrack(
-        mjd=where.mjd.tolist(),
-        separation_low_arcsec=low,
-        separation_median_arcsec=median,
-        separation_high_arcsec=high,
+        mjd=where.mjd.tolist(), separation_low_arcsec=low, separation_median_arcsec=median, separation_high_arcsec=high
     )
 
 
@@ -309,13 +302,7 @@ def _three(values: FloatArray) -> results.Quantiles:
 
 SIGMAS = 3.0
 """Combined errors by which two orbits differ that contradict each other."""
-_LEAST = {
-    "period": 0.05,
-    "semi-major axis": 0.05,
-    "eccentricity": 0.05,
-    "separation": 0.02,
-    "phase angle": 5.0,
-}
+_LEAST = {"period": 0.05, "semi-major axis": 0.05, "eccentricity": 0.05, "separation": 0.02, "phase angle": 5.0}
 """Differences that are never a contradiction, where errors are small or not given: of the natural logarithm of period
 and axis, of the eccentricity, of the separation in arcsec and the phase angle in degrees."""
 _YEAR = re.compile(r"(?<!\d)(?:19|20)\d\d(?!\d)")

@@ -16,15 +16,7 @@ from cpic_planner import etc
 from cpic_planner.planets import PopulationChoice, StarLimits, excluded_by_rv, least_mass
 from cpic_planner.queries import DEFAULT_TIME_S, OptimiseQuestion, RankedQuestion, ReferencePlanet
 from cpic_planner.ranking.completeness import BandCompleteness, CountedPlanets, KnownChoice
-from cpic_planner.ranking.optimiser import (
-    OptimalSetting,
-    Search,
-    best_of,
-    objects,
-    quickest,
-    setting_columns,
-    tiers_of,
-)
+from cpic_planner.ranking.optimiser import OptimalSetting, Search, best_of, objects, quickest, setting_columns, tiers_of
 from cpic_planner.registry import DEFAULT_SCORE, SCORES, ScoreName, StarNumbers
 from cpic_planner.results import RankedTarget, RankResult, ReferencePlanetRecord
 from cpic_planner.results.base import DetectionMode, OwnCells, Rows, gathered
@@ -276,10 +268,7 @@ def ranked(
 
 
 def _numbers(
-    best: OptimalSetting,
-    by_band: Sequence[OptimalSetting],
-    quickest_s: FloatArray,
-    counted: Sequence[BandCompleteness],
+    best: OptimalSetting, by_band: Sequence[OptimalSetting], quickest_s: FloatArray, counted: Sequence[BandCompleteness]
 ) -> StarNumbers:
     """Return what scores are made of; completeness is -1 for extrapolated albedos if another band has it."""
     shares = np.stack([part.counted for part in counted])
@@ -288,16 +277,12 @@ def _numbers(
     counts = known[:, None] | ~known.any()
     with np.errstate(divide="ignore", invalid="ignore"):
         rates = np.where(times > 0, shares / times * 3600.0, 0.0)
+    same = ("margin", "snr", "significance", "contrast", "deepest_limit", "time_s")
     return StarNumbers(
         completeness=np.where(counts, shares, -1.0),
         completeness_per_hour=np.where(counts, rates, -1.0),
         detections_per_hour=np.nan_to_num(3600.0 / quickest_s),
-        margin=best.margin,
-        snr=best.snr,
-        significance=best.significance,
-        contrast=best.contrast,
-        deepest_limit=best.deepest_limit,
-        time_s=best.time_s,
+        **{name: getattr(best, name) for name in same},
     )
 
 

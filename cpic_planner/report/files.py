@@ -151,10 +151,7 @@ def write_report(
 
 
 def write_star_images(
-    folder: RunFolder,
-    result: results.StarImagesResult,
-    model: EtcModel,
-    bodies: Mapping[str, Mapping[str, Any]],
+    folder: RunFolder, result: results.StarImagesResult, model: EtcModel, bodies: Mapping[str, Mapping[str, Any]]
 ) -> None:
     """Write ``measurements.csv``, those of `EXPORT_PRODUCTS` and the images of each band as PNG, each whole.
 

@@ -196,18 +196,6 @@ def residual_limit(panels: Panels) -> float:
     return limit if limit > 0 else 1.0
 
 
-def panel_picture(panels: Panels, name: str) -> Picture:
-    """Draw science stack, reference stack and residual side by side.
-
-    Parameters
-    ----------
-    panels : Panels
-    name : str
-        SIMBAD identifier of the star, for the alternative text.
-    """
-    return PanelSheet().picture(panels, name)
-
-
 def in_both_lights(png: bytes) -> bytes:
     """Return an SVG drawing of a picture of panels; in dark mode all around the images and their bars is turned dark.
 
@@ -252,7 +240,14 @@ class PanelSheet:
             self._columns = [_Column(self._figure, place) for place in range(len(_TITLES))]
 
     def picture(self, panels: Panels, name: str) -> Picture:
-        """Draw one picture, see `panel_picture`; earlier ones leave nothing behind."""
+        """Draw science stack, reference stack and residual side by side; earlier pictures leave nothing behind.
+
+        Parameters
+        ----------
+        panels : Panels
+        name : str
+            SIMBAD identifier of the star, for the alternative text.
+        """
         from matplotlib.colors import AsinhNorm, Normalize
 
         low, high, width = stack_scale(panels)

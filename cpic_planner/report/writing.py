@@ -203,13 +203,7 @@ def offered_text(table: doc.Table) -> str:
 
 
 def form_text(
-    form: str,
-    result: BaseModel,
-    table: doc.Table,
-    *,
-    columns: Sequence[str] = (),
-    caption: str = "",
-    label: str = "",
+    form: str, result: BaseModel, table: doc.Table, *, columns: Sequence[str] = (), caption: str = "", label: str = ""
 ) -> str:
     """Return a table as text of another form.
 

@@ -34,15 +34,7 @@ StatusText = Literal["ok", "unreachable", "saturated", "outside_field", "invalid
 VerdictText = Literal["detected", "measured_not_detected", "unreachable"]
 DetectionMode = Literal["blind", "known_place"]
 LimitText = Literal[
-    "geometry",
-    "photons",
-    "background",
-    "speckles",
-    "common_speckles",
-    "saturation",
-    "motion",
-    "visibility",
-    "none",
+    "geometry", "photons", "background", "speckles", "common_speckles", "saturation", "motion", "visibility", "none"
 ]
 
 
@@ -897,11 +889,7 @@ def _filled(column: Column, entries: Sequence[Any]) -> tuple[list[Any], list[boo
 
 
 def astropy_table(
-    columns: Sequence[Column],
-    entries: Sequence[Any],
-    meta: Mapping[str, Any],
-    *,
-    text: Callable[[str], str] = str,
+    columns: Sequence[Column], entries: Sequence[Any], meta: Mapping[str, Any], *, text: Callable[[str], str] = str
 ) -> Table:
     """Return a table of astropy with unit and meaning of every column; missing numbers are masked.
 

@@ -7,12 +7,7 @@ import numpy as np
 from catalogs import KnownPlanetTable
 from cpic_core import BoolArray, FloatArray, IntArray
 from cpic_planner.etc import EtcModel
-from cpic_planner.planets import (
-    PublishedOrbit,
-    astrometric_error_arcsec,
-    orbit_information,
-    published_orbit,
-)
+from cpic_planner.planets import PublishedOrbit, astrometric_error_arcsec, orbit_information, published_orbit
 from cpic_planner.survey.calendar import Calendar
 from cpic_planner.survey.detection import Setting, detection_chance, expected_signals
 from cpic_planner.survey.strategy import SurveyStrategy

@@ -256,11 +256,7 @@ def peak_memory_mb() -> float:
 
 
 def measured_rows(
-    case: FixedScene,
-    points: Sequence[Point],
-    effort: Effort,
-    machine: str,
-    launched_s: float,
+    case: FixedScene, points: Sequence[Point], effort: Effort, machine: str, launched_s: float
 ) -> list[TradeoffRow]:
     """Measure points of one group on a scene, one after the other in this process.
 

@@ -196,11 +196,7 @@ def _search_record(blind: BlindSearch, visits: VisitPair, planets: tuple[PlanetT
     for item, name in zip(blind.candidates, names, strict=True):
         separation, pa_deg = detector_to_sky(item.x_arcsec, item.y_arcsec, roll_deg=roll_deg, parity=parity)
         record = CandidateRecord.of(
-            item,
-            snr=item.snr_mf,
-            planet=name,
-            separation_arcsec=float(separation),
-            pa_deg=float(pa_deg) % 360.0,
+            item, snr=item.snr_mf, planet=name, separation_arcsec=float(separation), pa_deg=float(pa_deg) % 360.0
         )
         records.append(record)
     return SearchRecord.of(

@@ -112,10 +112,7 @@ class CalibratedFrames(Record, eq=False):
 
 @numeric_context()
 def calibrated_frames(
-    observation: Observation,
-    *,
-    cropped: bool = False,
-    numbers: Sequence[int] | None = None,
+    observation: Observation, *, cropped: bool = False, numbers: Sequence[int] | None = None
 ) -> CalibratedFrames:
     """Draw frames of an observation and calibrate them.
 

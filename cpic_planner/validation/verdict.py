@@ -464,30 +464,25 @@ def _observation(
 def _asked(task: ConfirmTask, number: int) -> dict[str, Any]:
     """Return what was observed, and what was expected of it."""
     expected = task.predictions[number]
-    return {
-        "band": task.band,
+    same = ("band", "exposure_s", "em_gain", "visits", "reference_visits", "time_s", "unused_s", "chosen_for")
+    asked = {name: getattr(task, name) for name in same} | {
         "planet": task.planets[number],
-        "separation_arcsec": expected["separation_arcsec"],
-        "pa_deg": expected["pa_deg"],
-        "exposure_s": task.exposure_s,
-        "visits": task.visits,
-        "reference_visits": task.reference_visits,
         "frames_per_visit": task.n_frames,
         "n_frames": task.n_science_frames,
-        "em_gain": task.em_gain,
         "integration_s": task.exposure_s * task.n_science_frames,
-        "time_s": task.time_s,
-        "unused_s": task.unused_s,
-        "chosen_for": task.chosen_for,
-        "predicted_snr": expected["snr"],
-        "predicted_significance": expected["significance"],
-        "threshold": expected["threshold"],
-        "predicted_verdict": expected["verdict"],
-        "predicted_detection_probability": expected["chance_blind"],
-        "predicted_detection_probability_known_place": expected["chance_known_place"],
-        "true_contrast": expected["contrast"],
         "image": task.key,
     }
+    told = {name: expected[name] for name in ("separation_arcsec", "pa_deg", "threshold")}
+    told |= {f"predicted_{name}": expected[name] for name in ("snr", "significance", "verdict")}
+    return (
+        asked
+        | told
+        | {
+            "predicted_detection_probability": expected["chance_blind"],
+            "predicted_detection_probability_known_place": expected["chance_known_place"],
+            "true_contrast": expected["contrast"],
+        }
+    )
 
 
 def contrasts_of(measured: Sequence[Measurement]) -> FloatArray:

@@ -228,11 +228,7 @@ class RunPages:
 
     def routes(self) -> list[Route]:
         """Return the addresses that are answered."""
-        return [
-            Route("/runs", self._listed),
-            Route("/runs/{id}", self._one),
-            Route("/runs/{id}/{name}", self._file),
-        ]
+        return [Route("/runs", self._listed), Route("/runs/{id}", self._one), Route("/runs/{id}/{name}", self._file)]
 
     async def _runs(self) -> list[RunAnswer]:
         """Return the runs, looked for again after `FRESH_S`."""

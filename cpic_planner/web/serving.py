@@ -215,12 +215,7 @@ async def _failed(request: Request, error: Exception) -> Response:
     return line(FAILED, 500)
 
 
-HANDLERS: dict[Any, Any] = {
-    HTTPException: _missing,
-    Busy: _busy,
-    TimeoutError: _late,
-    Exception: _failed,
-}
+HANDLERS: dict[Any, Any] = {HTTPException: _missing, Busy: _busy, TimeoutError: _late, Exception: _failed}
 """What answers instead where something is raised."""
 
 

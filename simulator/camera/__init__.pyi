@@ -15,10 +15,7 @@ from simulator.camera.camera import (
     stack_electrons as stack_electrons,
     stackable as stackable,
 )
-from simulator.camera.noise import (
-    FrameNoise as FrameNoise,
-    aperture_loss_per_s as aperture_loss_per_s,
-)
+from simulator.camera.noise import FrameNoise as FrameNoise, aperture_loss_per_s as aperture_loss_per_s
 from simulator.detectors.effect import Effect as Effect, Exposure as Exposure
 from simulator.detectors.gain import (
     em_voltage_of as em_voltage_of,

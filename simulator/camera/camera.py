@@ -211,12 +211,7 @@ class Camera:
         raise NotImplementedError
 
     def expose(
-        self,
-        exposure: Exposure,
-        *,
-        seed: int,
-        path: Sequence[PathPart],
-        past: Sequence[PastExposure] = (),
+        self, exposure: Exposure, *, seed: int, path: Sequence[PathPart], past: Sequence[PastExposure] = ()
     ) -> Frame:
         """Return one noisy frame.
 

@@ -28,15 +28,7 @@ from cpic_core import (
     load_quietly,
     split_sourced,
 )
-from simulator.config.base import (
-    FrozenModel,
-    Sourced,
-    bare_value,
-    deep_merge,
-    preset_names,
-    preset_path,
-    validate,
-)
+from simulator.config.base import FrozenModel, Sourced, bare_value, deep_merge, preset_names, preset_path, validate
 from simulator.config.coronagraph import KEY as TABLE_KEY, CoronagraphTable, coronagraph_table, is_package
 from simulator.config.detector import AnyDetector, Detector, InfraredDetector, assume_converter
 from simulator.detectors import INFRARED, VISIBLE, chain_preset

@@ -129,8 +129,7 @@ class SequenceSettings(FrozenModel):
     )
     reference_roll_deg: Real | None = Field(None, description="Roll of reference visits.")
     visit_gap_h: Annotated[Real, Field(ge=0, le=1e5)] = Field(
-        0.0,
-        description="Least time between the end of a visit with its references and the begin of the next.",
+        0.0, description="Least time between the end of a visit with its references and the begin of the next."
     )
     level_e: Annotated[Real, Field(ge=0, le=1e12)] | None = Field(
         None, description="Electrons of a pixel of FLAT, of the whole spot of LASER."

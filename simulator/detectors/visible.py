@@ -15,18 +15,7 @@ from pydantic import Field
 
 from cpic_core import FloatArray, IntArray, load_kernels
 from simulator.config import FrozenModel
-from simulator.detectors.effect import (
-    KERNELS,
-    Case,
-    Effect,
-    Exposure,
-    Setting,
-    Sizes,
-    Work,
-    counted,
-    rounded,
-    sizes,
-)
+from simulator.detectors.effect import KERNELS, Case, Effect, Exposure, Setting, Sizes, Work, counted, rounded, sizes
 from simulator.detectors.gain import amplify, pixel_keys, stage_probability
 from simulator.detectors.variance import FrameTerm
 

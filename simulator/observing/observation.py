@@ -29,13 +29,7 @@ from simulator import imaging
 from simulator.config import MAX_FRAMES, Drift, Instrument, Scene, Timing, checked_utc, load_instrument, load_scene
 from simulator.effects import sky_rate_e_s_arcsec2, stray_light_parts
 from simulator.knobs import Knobs, Quantity, checked_tolerance, resolve_knobs
-from simulator.ledger import (
-    MAX_EPOCHS,
-    Choice,
-    checked_quantities,
-    effect_ledger,
-    observation_choice,
-)
+from simulator.ledger import MAX_EPOCHS, Choice, checked_quantities, effect_ledger, observation_choice
 from simulator.observing import sequence
 from simulator.signal import INTERLEAVED, programme_law
 from simulator.target import ExtendedRate, Source, extended_rates, scene_sources, wcs_keywords

@@ -52,13 +52,7 @@ class OpticalBand(Record):
     def of(cls, instrument: Instrument, band: str) -> Self:
         """Return the band with everything that decides its visits."""
         slope = instrument.drift.psd_slope
-        parts = {
-            "optics": metrics_key(instrument, band),
-            "slope": slope,
-            "visits": N_VISITS,
-            "seed": SEED,
-            "schema": 2,
-        }
+        parts = {"optics": metrics_key(instrument, band), "slope": slope, "visits": N_VISITS, "seed": SEED, "schema": 2}
         return cls(instrument, band, content_hash(parts))
 
 

@@ -521,10 +521,7 @@ def test_a_service_with_other_rows_than_it_should_have_is_refused():
 
     whole = [column("oidref", 1, 2), *(column(name, None, 1.0) for name in ("teff", "log_g", "fe_h", "bibcode"))]
     assert [row["oid"] for row in read_answer(RawTable("the answer", whole), "simbad_measurements")[0]] == [1, 2]
-    for cells, words in (
-        ((None, 2), "row 1 column oidref = missing"),
-        ((1e20, 2), "column oidref = 1e"),
-    ):
+    for cells, words in (((None, 2), "row 1 column oidref = missing"), ((1e20, 2), "column oidref = 1e")):
         with pytest.raises(RefreshError, match=words):
             read_answer(RawTable("the answer", [column("oidref", *cells), *whole[1:]]), "simbad_measurements")
     twice = RawTable("the answer", [column("oidref", 2, 2), *whole[1:]])

@@ -23,12 +23,7 @@ from catalogs import (
     stability_limit,
     stars_at,
 )
-from catalogs.binaries import (
-    POSITION_ERROR_ARCSEC,
-    companion_places,
-    companion_share,
-    orbits_by_star,
-)
+from catalogs.binaries import POSITION_ERROR_ARCSEC, companion_places, companion_share, orbits_by_star
 from catalogs.coordinates import tangent_offset
 from catalogs.orbits import orbit_places
 

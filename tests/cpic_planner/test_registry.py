@@ -23,14 +23,7 @@ from cpic_planner.planets import PopulationChoice
 from cpic_planner.queries import ConfirmQuestion, ReferencePlanet, Strategy
 from cpic_planner.queries.shared import LIBRARIES, Library, LibraryNoise
 from cpic_planner.ranking import explain_star, rank_targets
-from cpic_planner.registry import (
-    REDUCTIONS,
-    SCORES,
-    Reduction,
-    Score,
-    ScoreName,
-    StarNumbers,
-)
+from cpic_planner.registry import REDUCTIONS, SCORES, Reduction, Score, ScoreName, StarNumbers
 from cpic_planner.report import explanation_blocks, print_blocks, rank_blocks
 from cpic_planner.report.words import flag_text
 from cpic_planner.results import Explanation, RankResult

@@ -8,12 +8,7 @@ import numpy as np
 from mpmath import mp, mpf
 from oracle import ClosedForm
 
-from cpic_planner.validation import (
-    AlbedoModel,
-    aperture_weights,
-    combine,
-    filled,
-)
+from cpic_planner.validation import AlbedoModel, aperture_weights, combine, filled
 
 MODEL = AlbedoModel(
     bands=("F520",),

@@ -53,10 +53,7 @@ PURE = {
     "aperture_noise_pixels": (camera.aperture_noise_pixels, 1),
     "em_voltage_of": (camera.em_voltage_of, 2),
     "expected_adu_map": (lambda r, t, g: expected_adu_map(np.full((2, 2), r), t, g, DETECTOR), 3),
-    "expose_frame": (
-        lambda r, t, g: expose_frame(np.full((2, 2), r), t, g, DETECTOR, seed=1, path=("one",)).adu,
-        3,
-    ),
+    "expose_frame": (lambda r, t, g: expose_frame(np.full((2, 2), r), t, g, DETECTOR, seed=1, path=("one",)).adu, 3),
     "star_rate_e_s": (BANDS.star_rate_e_s, 5),
 }
 EDGES = (

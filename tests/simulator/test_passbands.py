@@ -403,13 +403,7 @@ MEASURED_V_I = {
 FIRST_TARGETS = list(csv.DictReader((ROOT / "tests/first_targets.csv").read_text(encoding="utf-8").splitlines()))
 # K dwarfs beyond the first 60 of which Hipparcos says the same (ESA 1997, SP-1200, field H42 = A); of gam Cep, a giant,
 # that field is not at hand.
-FURTHER_V_I = {
-    "gam Cep": 0.99,
-    "HD 16160": 1.06,
-    "HD 32147": 1.10,
-    "HD 100623": 0.88,
-    "HD 192310": 0.93,
-}
+FURTHER_V_I = {"gam Cep": 0.99, "HD 16160": 1.06, "HD 32147": 1.10, "HD 100623": 0.88, "HD 192310": 0.93}
 # Both stars of 70 Oph and of 36 Oph in one aperture: Cousins 1980, SAAO Circ. 1, 234.
 V_I_OF_PAIRS = {("70 Oph A", "70 Oph B"): 0.965, ("36 Oph A", "36 Oph B"): 0.925}
 # Bessell 1990, table 2: the B band, 360 to 560 nm in steps of 10 nm.

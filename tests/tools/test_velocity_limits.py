@@ -42,8 +42,7 @@ def test_lost_heavy_planets_lower_the_ceiling_and_not_the_slope():
 
 
 @pytest.mark.parametrize(
-    ("survey", "star"),
-    [("10700", "tau Cet"), ("131156", "ksi Boo A"), ("4614", "eta Cas"), ("140538a", "psi Ser")],
+    ("survey", "star"), [("10700", "tau Cet"), ("131156", "ksi Boo A"), ("4614", "eta Cas"), ("140538a", "psi Ser")]
 )
 def test_names_of_the_survey(survey, star):
     assert catalogue_name(survey) == star

@@ -12,16 +12,7 @@ from cpic_planner import etc
 from cpic_planner.confirm.scene import scene_target
 from cpic_planner.etc.detection_law import band_law
 from cpic_planner.queries import ConfirmQuestion
-from cpic_planner.validation import (
-    ConfirmTask,
-    Frames,
-    VisitPair,
-    gap_s,
-    images_of,
-    modelling_of,
-    task_of,
-    visit_pair,
-)
+from cpic_planner.validation import ConfirmTask, Frames, VisitPair, gap_s, images_of, modelling_of, task_of, visit_pair
 from cpic_planner.validation.injection import draw_place, inject
 from cpic_planner.validation.measure import maps_of, searcher_of
 from simulator.config import load_instrument

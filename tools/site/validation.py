@@ -61,12 +61,7 @@ CHECKS: dict[str, tuple[Check, ...]] = {
         ),
         Check("SNR of the calculator", "the whole chain of images", "blind_validator", "ETC against the chain"),
         Check("SNR of ranked stars", "blind measurement", "blind_validator", "predicted over recovered SNR"),
-        Check(
-            "errors of the model are noticed",
-            "a simulator altered on purpose",
-            "blind_validator",
-            "known factor",
-        ),
+        Check("errors of the model are noticed", "a simulator altered on purpose", "blind_validator", "known factor"),
         Check(
             "SNR of programmes of visits",
             "images of programmes, reduced as one",

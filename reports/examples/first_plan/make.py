@@ -23,7 +23,7 @@ from cpic_planner.etc import build_model
 from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.queries import PlanQuestion
 from cpic_planner.report.files import panels_of
-from cpic_planner.report.image_figures import panel_picture
+from cpic_planner.report.image_figures import PanelSheet
 from cpic_planner.report.words import pretty_name, tau_text
 from cpic_planner.results import PlanResult, SensitivityResult
 from simulator.config import load_instrument
@@ -137,7 +137,7 @@ def main() -> None:
         with open_run_folder(out, kind="plan", config_hash=plan.config_hash) as folder:
             body = folder.part(f"{SHOWN[0]} {SHOWN[1]}")
     assert body is not None
-    write_picture(HERE, "panels", panel_picture(panels_of(model, SHOWN[1], body), SHOWN[0]))
+    write_picture(HERE, "panels", PanelSheet().picture(panels_of(model, SHOWN[1], body), SHOWN[0]))
     cold = {
         "cpic etc 'tau Cet' --snr 5": cold_seconds(["etc", "tau Cet", "--snr", "5"]),
         "cpic rank": cold_seconds(["rank"]),

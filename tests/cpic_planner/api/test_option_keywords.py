@@ -18,10 +18,7 @@ def told(**keywords):
         ({"bands": None, "band": "F520"}, {}),
         ({"bands": None, "band": ["F520", "F662"]}, {"bands": ["F520", "F662"]}),
         ({"planet_radius_rjup": 0.9}, {"planet": {"radius_rjup": 0.9}}),
-        (
-            {"planet_radius_rjup": 0.9, "planet": {"phase_deg": 60}},
-            {"planet": {"radius_rjup": 0.9, "phase_deg": 60}},
-        ),
+        ({"planet_radius_rjup": 0.9, "planet": {"phase_deg": 60}}, {"planet": {"radius_rjup": 0.9, "phase_deg": 60}}),
         ({"albedo": "saturn"}, {"planet": {"albedo": "saturn"}}),
         ({"library": "roll"}, {"strategy": {"library": "roll"}}),
     ],

@@ -57,11 +57,7 @@ def test_values_that_are_varied():
 
 @pytest.mark.parametrize(
     ("given", "text"),
-    [
-        ({"slot_days": 0}, "slot_days = 0 d"),
-        ({"universes": 1}, "universes = 1"),
-        ({"vary": ["foo=1"]}, "--vary = foo"),
-    ],
+    [({"slot_days": 0}, "slot_days = 0 d"), ({"universes": 1}, "universes = 1"), ({"vary": ["foo=1"]}, "--vary = foo")],
 )
 def test_what_is_refused(refused, given, text):
     message = refused("", compare_strategies, ONE, **given)

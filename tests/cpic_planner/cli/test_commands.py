@@ -197,13 +197,7 @@ def test_shipped_schemas_match_the_models_and_describe_the_output(ranked):
     RankResult.model_validate_json(ranked)
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("known", "eps Eri", "--date", "2030-01-01"),
-        ("rank", "--v-mag-max", "2"),
-    ],
-)
+@pytest.mark.parametrize("arguments", [("known", "eps Eri", "--date", "2030-01-01"), ("rank", "--v-mag-max", "2")])
 def test_answers_say_what_made_them(arguments, capsys):
     assert main([*arguments, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["fingerprint"] == str(fingerprint())

@@ -10,13 +10,7 @@ import numpy as np
 import pytest
 
 from cpic_core import InputError
-from cpic_planner.etc import (
-    build_model,
-    check_range,
-    place_status,
-    planet_offsets,
-    usable_range_arcsec,
-)
+from cpic_planner.etc import build_model, check_range, place_status, planet_offsets, usable_range_arcsec
 from cpic_planner.etc.questions import signal_to_noise
 from cpic_planner.queries import Strategy
 from cpic_planner.queries.shared import ReferenceStar

@@ -398,10 +398,7 @@ def without_errors(table, row):
     exact_one = table_of_columns(columns, "exact", "exact")
     return exact_one, {
         name: float(exact_one.number(name)[0]) for name in (*CHOSEN, "period_days", "semi_major_axis_au")
-    } | {
-        "dated": dated,
-        "jd": float(columns[f"{dated}_jd"][0]),
-    }
+    } | {"dated": dated, "jd": float(columns[f"{dated}_jd"][0])}
 
 
 def turned(axis, angle_deg):

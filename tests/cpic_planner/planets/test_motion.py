@@ -8,11 +8,7 @@ from scipy import integrate, special
 
 from catalogs import load_known_planets
 from cpic_core import InputError
-from cpic_planner.planets import (
-    OrbitSearch,
-    span_days,
-    star_masses_msun,
-)
+from cpic_planner.planets import OrbitSearch, span_days, star_masses_msun
 from cpic_planner.planets.motion import _SMEARS, MOST_SHIFT_LAMBDA_D, aperture_track
 from cpic_planner.planets.published_orbits import draw_known, known_uniforms, places_at
 from simulator.imaging import single_band_psf

@@ -215,10 +215,7 @@ def test_refusals_name_what_the_reader_wrote(refused):
 )
 def test_files_are_named_as_they_are_called_and_not_as_an_option(tmp_path, name, content, said):
     (tmp_path / name).write_text(content)
-    with (
-        pytest.raises(InputError, match=rf"^{name}( |:).*{said}"),
-        called_as(option_names(RankQuestion)),
-    ):
+    with pytest.raises(InputError, match=rf"^{name}( |:).*{said}"), called_as(option_names(RankQuestion)):
         open_catalogue(tmp_path / name)
     absent = tmp_path / "absent" / name
     with pytest.raises(InputError, match=f"^--catalog = {absent}"), called_as(option_names(RankQuestion)):

@@ -23,13 +23,7 @@ from cpic_planner.etc import (
     stack_noise,
     threshold_array,
 )
-from cpic_planner.planets import (
-    Planets,
-    StarLimits,
-    draw_population,
-    load_population,
-    star_masses_msun,
-)
+from cpic_planner.planets import Planets, StarLimits, draw_population, load_population, star_masses_msun
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking.completeness import completeness
 from cpic_planner.targets import targets_from_table

@@ -18,14 +18,7 @@ from cpic_planner.etc import (
 from cpic_planner.planets import draw_population, load_population
 from cpic_planner.queries import Strategy
 from cpic_planner.ranking import completeness as counting
-from cpic_planner.ranking.completeness import (
-    N_RINGS,
-    ZonePlanets,
-    completeness,
-    faintest_contrast,
-    rectangles,
-    ring_of,
-)
+from cpic_planner.ranking.completeness import N_RINGS, ZonePlanets, completeness, faintest_contrast, rectangles, ring_of
 from cpic_planner.ranking.optimiser import programme_of
 from cpic_planner.targets import targets_from_table
 from simulator import load_instrument

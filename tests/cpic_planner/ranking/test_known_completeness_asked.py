@@ -109,10 +109,7 @@ def test_names_are_read_from_files_as_people_write_them(tmp_path):
         ({"sp_type": "Kelvin"}, ["sp_type = Kelvin: ", "a class (G)"]),
         ({"sp_type": ""}, ["sp_type = none: "]),
         ({"dec_max_deg": 0, "distance_max_pc": 1}, ["distance_max_pc = 1.0 pc: ", "none of the"]),
-        (
-            {"sp_type": "K", "distance_max_pc": 1},
-            ["none of the {of_class_k} stars that sp_type leaves passes"],
-        ),
+        ({"sp_type": "K", "distance_max_pc": 1}, ["none of the {of_class_k} stars that sp_type leaves passes"]),
         ({"dec_min_deg": 10, "dec_max_deg": -10}, ["dec_min_deg = 10.0 deg: ", "at most dec_max_deg -10"]),
         ({"dec_min_deg": 91}, ["dec_min_deg = 91 deg: ", "-90 to 90"]),
         ({"distance_max_pc": 0}, ["distance_max_pc = 0 pc: ", "above 0"]),

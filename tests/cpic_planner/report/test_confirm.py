@@ -2,13 +2,7 @@
 
 import pytest
 
-from cpic_planner.report.confirm import (
-    ConfirmReport,
-    confirm_blocks,
-    confirm_document,
-    measure_table,
-    outcome_text,
-)
+from cpic_planner.report.confirm import ConfirmReport, confirm_blocks, confirm_document, measure_table, outcome_text
 from cpic_planner.report.drawing import Picture
 from cpic_planner.report.image_figures import snr_figure
 from cpic_planner.report.plan import PlanReport, plan_document

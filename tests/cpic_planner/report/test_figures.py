@@ -13,14 +13,7 @@ from PIL import Image
 
 from cpic_planner.report import drawing, new_figure, place_labels, style
 from cpic_planner.report.drawing import band_style, literal, save
-from cpic_planner.report.image_figures import (
-    Mark,
-    PanelSheet,
-    panel_picture,
-    shown_in_both_lights,
-    snr_figure,
-    tick_labels,
-)
+from cpic_planner.report.image_figures import Mark, PanelSheet, shown_in_both_lights, snr_figure, tick_labels
 from cpic_planner.report.plan import plan_figures
 from cpic_planner.report.ranking_figures import contrast_diagram, map_longitude, margin_figure, marker_area, sky_map
 from cpic_planner.report.whatif_figures import detections_figure, differences_figure, time_figure, yields_figure
@@ -67,7 +60,7 @@ def test_same_bytes_twice(plan, rank, limits, holes, panels, pictures):
         key: picture.uri for key, picture in pictures.items()
     }
     one = next(iter(panels.values()))
-    assert panel_picture(one, "* tau Cet").uri == panel_picture(one, "* tau Cet").uri
+    assert PanelSheet().picture(one, "* tau Cet").uri == PanelSheet().picture(one, "* tau Cet").uri
 
 
 def test_the_users_settings_neither_matter_nor_change(rank):
@@ -80,7 +73,7 @@ def test_the_users_settings_neither_matter_nor_change(rank):
 
 
 def test_panel_picture_is_a_palette_png_wide_enough(panels):
-    picture = panel_picture(next(iter(panels.values())), "* tau Cet")
+    picture = PanelSheet().picture(next(iter(panels.values())), "* tau Cet")
     data = content(picture)
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     assert size_px(picture)[0] >= 900
@@ -101,7 +94,7 @@ def test_a_figure_without_a_canvas_of_its_own_is_saved(form):
 
 def test_a_picture_in_both_lights_is_the_same_pixels_and_turns_all_but_the_images(panels):
     """Places of the images: where the picture has colours."""
-    picture = panel_picture(next(iter(panels.values())), "* tau Cet")
+    picture = PanelSheet().picture(next(iter(panels.values())), "* tau Cet")
     shown = shown_in_both_lights(picture)
     tree = ElementTree.fromstring(content(shown).decode())
     space = "{http://www.w3.org/2000/svg}"
@@ -127,7 +120,7 @@ def test_a_picture_does_not_depend_on_those_before_it_on_the_same_sheet(panels):
     small = replace(other, science=1e6 * other.science, zone=replace(other.zone, outer_arcsec=0.5), roll_deg=40.0)
     sheet = PanelSheet()
     first, second, third, *again = [sheet.picture(each, "* tau Cet").uri for each in (marked, small, one, marked, one)]
-    assert [first, second, third] == [panel_picture(each, "* tau Cet").uri for each in (marked, small, one)]
+    assert [first, second, third] == [PanelSheet().picture(each, "* tau Cet").uri for each in (marked, small, one)]
     assert again == [first, third]
     assert len({first, second, third}) == 3
 
@@ -231,21 +224,15 @@ def test_snr_of_a_scene_counts_its_measurements(confirmation):
 
 def test_marks_are_drawn_where_they_are(panels):
     one = next(iter(panels.values()))
-    plain = panel_picture(one, "* tau Cet")
+    plain = PanelSheet().picture(one, "* tau Cet")
     marked = replace(
         one, marks=(*one.marks, Mark(-0.4, 0.3, "star", "a $tar"), Mark(0.3, -0.4, "candidate"), Mark(9.0, 9.0, "star"))
     )
-    assert panel_picture(marked, "* tau Cet").uri != plain.uri
-    outside = replace(
-        one,
-        marks=(
-            *one.marks,
-            Mark(9.0, 9.0, "star", "far"),
-        ),
-    )
-    assert panel_picture(outside, "* tau Cet").uri == plain.uri
+    assert PanelSheet().picture(marked, "* tau Cet").uri != plain.uri
+    outside = replace(one, marks=(*one.marks, Mark(9.0, 9.0, "star", "far")))
+    assert PanelSheet().picture(outside, "* tau Cet").uri == plain.uri
     empty = replace(one, marks=())
-    assert "there is no planet" in panel_picture(empty, "* tau Cet").alt
+    assert "there is no planet" in PanelSheet().picture(empty, "* tau Cet").alt
     assert "the planet is at x 0.35, y 0.35 arcsec" in plain.alt
 
 

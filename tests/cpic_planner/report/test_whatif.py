@@ -16,10 +16,7 @@ from cpic_planner.report.whatif import (
 )
 from cpic_planner.report.whatif_figures import WHATIF_FIGURES
 from cpic_planner.report.writing import page_html
-from cpic_planner.results import (
-    OccurrenceRange,
-    PlanetShare,
-)
+from cpic_planner.results import OccurrenceRange, PlanetShare
 from cpic_planner.survey import load_strategies
 
 

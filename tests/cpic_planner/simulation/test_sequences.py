@@ -244,12 +244,7 @@ def test_references_are_what_is_asked_for(star):
     other = star | {"name": "other"}
     planet = {"separation_arcsec": 0.5, "pa_deg": 45, "radius_rjup": 1, "phase_deg": 90, "distance_au": 5}
     found = planned(
-        {
-            "scene": star | {"planets": [planet]},
-            "band": "F520",
-            "visits": 2,
-            "roll_deg": 10,
-        },
+        {"scene": star | {"planets": [planet]}, "band": "F520", "visits": 2, "roll_deg": 10},
         {"scene": star, "band": "F520", "visits": 2, "reference_scene": other, "reference_roll_deg": 30},
     )
     own, others = found[1].entry, found[5].entry

@@ -46,10 +46,7 @@ def test_orbits_follow_from_the_visits_that_show_the_planet(plain, sample):
     snr = 5.0 + np.arange(n)
     first, second, third = (np.arange(n) % k == 0 for k in (1, 2, 3))
     star = history(
-        sample,
-        (30.0, "F520", snr, first),
-        (200.0, "F520", 2.0 * snr, second),
-        (400.0, "F520", 3.0 * snr, third),
+        sample, (30.0, "F520", snr, first), (200.0, "F520", 2.0 * snr, second), (400.0, "F520", 3.0 * snr, third)
     )
     some = np.arange(n) != 4
     found = found_orbits(survey, STAR, star, some)

@@ -369,10 +369,7 @@ def test_the_error_of_the_calibration_is_one_for_a_universe(plain, change):
     sure, unsure = (
         planets_of(
             simulate_survey(
-                change(survey, detection={"calibration_error": error, "half_error": error}),
-                block=0,
-                n=600,
-                seed=1,
+                change(survey, detection={"calibration_error": error, "half_error": error}), block=0, n=600, seed=1
             )
         )
         for error in (0.0, 0.4)

@@ -7,15 +7,7 @@ from cpic_core import InputError, dump_json
 from cpic_planner.jobs import run
 from cpic_planner.tradeoff import FILES, read_result, run as module, tradeoff_job
 from cpic_planner.tradeoff.measure import measured_rows
-from cpic_planner.tradeoff.run import (
-    COLUMNS,
-    LOOKS,
-    SMALLEST,
-    pareto_figure,
-    products_of,
-    report_text,
-    speed_ups,
-)
+from cpic_planner.tradeoff.run import COLUMNS, LOOKS, SMALLEST, pareto_figure, products_of, report_text, speed_ups
 from cpic_planner.tradeoff.scenes import GLANCE, SCENES, FixedScene, points_of
 from cpic_planner.version import __version__
 from simulator.knobs import FIDELITIES, Knobs

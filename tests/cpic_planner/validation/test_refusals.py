@@ -14,10 +14,7 @@ def elements(number):
     detection_threshold(number)
 
 
-READERS = {
-    "elements": elements,
-    "sigma": lambda sigma: detection_threshold(19, sigma),
-}
+READERS = {"elements": elements, "sigma": lambda sigma: detection_threshold(19, sigma)}
 
 
 def test_bad_input_is_refused_in_one_line(refusal):

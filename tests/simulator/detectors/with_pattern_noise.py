@@ -16,12 +16,7 @@ from cpic_core import InputError  # noqa: E402
 from cpic_planner import signal_to_noise  # noqa: E402
 from cpic_planner.report.words import term_text  # noqa: E402
 from simulator import load_instrument, load_scene, observe  # noqa: E402
-from simulator.camera import (  # noqa: E402
-    FrameNoise,
-    VisibleCamera,
-    stack_electrons,
-    stackable,
-)
+from simulator.camera import FrameNoise, VisibleCamera, stack_electrons, stackable  # noqa: E402
 from simulator.ledger import camera_ledger, forecast  # noqa: E402
 
 RMS_E, GAIN = float(sys.argv[1]), float(sys.argv[2])

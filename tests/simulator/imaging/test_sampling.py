@@ -9,14 +9,7 @@ import pytest
 from scipy.special import erf
 
 from simulator.imaging import centred_axis, pixel_axis
-from simulator.imaging.sampling import (
-    box_gauss_rule,
-    displaced,
-    integrate_pixels,
-    open_pixels,
-    shifted,
-    unpixelled,
-)
+from simulator.imaging.sampling import box_gauss_rule, displaced, integrate_pixels, open_pixels, shifted, unpixelled
 
 
 def moment(order, width, sigma):

@@ -23,24 +23,11 @@ from simulator.imaging import (
     single_band_psf,
     store,
 )
-from simulator.imaging.build import (
-    bare_imager,
-    dark_hole_of,
-    hole_arrays,
-    hole_from_arrays,
-    hole_key,
-    hole_state_of,
-)
+from simulator.imaging.build import bare_imager, dark_hole_of, hole_arrays, hole_from_arrays, hole_key, hole_state_of
 from simulator.imaging.dark_hole import DarkHole, HoleScore, Search
 from simulator.imaging.measure import stamp_figures
 from simulator.imaging.pupil import configured_apodizer, shipped_file
-from simulator.imaging.store import (
-    LEVELS,
-    SHARED,
-    _states,
-    measured_states,
-    sensed_with,
-)
+from simulator.imaging.store import LEVELS, SHARED, _states, measured_states, sensed_with
 from simulator.knobs import Knobs
 
 INSTRUMENT = load_instrument()

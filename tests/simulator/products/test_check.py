@@ -399,11 +399,7 @@ def test_no_damage_stops_the_check(tree, good, seed):
     assert found(tree)
 
 
-PACKERS = {
-    ".gz": (gzip.compress, "gunzip"),
-    ".bz2": (bz2.compress, "bunzip2"),
-    ".xz": (lzma.compress, "unxz"),
-}
+PACKERS = {".gz": (gzip.compress, "gunzip"), ".bz2": (bz2.compress, "bunzip2"), ".xz": (lzma.compress, "unxz")}
 
 
 @pytest.mark.parametrize("ending", [*PACKERS, ".fz"])

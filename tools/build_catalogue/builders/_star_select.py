@@ -65,10 +65,7 @@ def in_base_cut(star: SimbadStar) -> bool:
 
 
 def select(
-    stars: Sequence[SimbadStar],
-    hip2: Hipparcos2,
-    bright: dict[int, tuple[float, float]],
-    newer: Mapping[str, Parallax],
+    stars: Sequence[SimbadStar], hip2: Hipparcos2, bright: dict[int, tuple[float, float]], newer: Mapping[str, Parallax]
 ) -> tuple[list[Row], list[Removed]]:
     """Return the catalogue rows in order of V (then identifier), and the removed rows."""
     rows = [Row(star) for star in stars if in_base_cut(star)]
