@@ -472,7 +472,7 @@ def _compare_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
 
 @contextlib.contextmanager
 def _of_second(text: str) -> Iterator[None]:
-    """Say of what is wrong with the second question that it is there."""
+    """Let refusals of the body name the second question."""
     try:
         yield
     except InputError as error:
