@@ -1,4 +1,4 @@
-"""The question of ``cpic etc`` about stars and known planets: time for a level, SNR for a time, or the contrast limit."""
+"""The question of ``cpic etc`` about stars and known planets: time for a level, SNR for a time, or a contrast limit."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
