@@ -577,6 +577,8 @@ def _stated(question: EtcQuestion) -> dict[str, str]:
     if question.instrument is not shipped:
         own = {} if name.startswith(shipped.name) else {"name": name}
         tree["instrument"] = own | differing_values(question.instrument)
+    if question.fidelity == "quick":  # is the default in words
+        del tree["fidelity"]
     if question.ensemble is not None:
         tree["ensemble"] = question.ensemble.name
     return {key: shortened(text, _LONGEST) for key, text in leaves(tree)}
