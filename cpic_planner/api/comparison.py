@@ -27,6 +27,7 @@ _OUTCOMES = {
 """Fields beside the rows that say what came out, not what was asked."""
 _ASKED = {"question", "level", "reference_library", "n_modes", "centring", "annulus_lambda_d", "sigma", "verdict_mode"}
 """Columns of rows that repeat what was asked."""
+_OF_STAR = ("hip", "v_mag", "distance_pc")
 _FIRST = ("verdict", "status", "limited_by", "reason", "detected", "best_band", "chosen_band")
 _MAIN = ("value", "score", "rank", "order", "mean", "contrast_limit", "time_s", "snr")
 _NAMES = ("name", "target", "star", "strategy", "first", "second", "scene", "planet", "fact", "quantity", "key", "band")
@@ -145,19 +146,10 @@ def compare_answers(
     return compared_answers(*read)
 
 
-def compared_answers(
-    before: Compared, after: Compared, settings: Sequence[results.SettingChange] | None = None
-) -> results.AnswerComparison:
-    """Return the comparison of two answers of one kind.
-
-    Parameters
-    ----------
-    before, after : Compared
-    settings : sequence of SettingChange, optional
-        What differs in the questions, where they are at hand; else what answers and commands say.
-    """
+def compared_answers(before: Compared, after: Compared) -> results.AnswerComparison:
+    """Return the comparison of two answers of one kind."""
     old, new = _rows(before.result), _rows(after.result)
-    differ = list(settings) if settings is not None else _question(before, after)
+    differ = _question(before, after)
     mine, theirs = (getattr(item.result, "fingerprint", "") for item in (before, after))
     software = differing_words(mine, theirs) if mine and theirs else []
     changes = [change for key in new if key in old for change in _changes(key, old[key], new[key])]
@@ -191,7 +183,17 @@ def _kind(quantity: str) -> int:
 
 def _question(before: Compared, after: Compared) -> list[results.SettingChange]:
     """Return what differs in what two answers, and the commands of their runs, say of the questions."""
-    found = differing(_asked(before.result), _asked(after.result))
+    trees = [_asked(item.result) for item in (before, after)]
+    given = [own for item in (before, after) if (own := getattr(item.result, "asked", None)) is not None]
+    if len(given) == len(trees):
+        # They say all that was asked: nothing else has to be told from what follows of it.
+        names = dict.fromkeys(name for own in given for name in own)
+        follow = ("asked", "reference_planet", *_ASKED, *(_OF_STAR if _differ(trees, "target") else ()))
+        for tree, own in zip(trees, given, strict=True):
+            for name in follow:
+                tree.pop(name, None)
+            tree |= {name: own.get(name, tree.get(name, "by default")) for name in names}
+    found = differing(*trees)
     found = [change for change in found if not change.key.endswith(".statement")]  # which follows from the rest
     if before.command and after.command:
         said = [change.key.rpartition(".")[2] for change in found]
@@ -201,6 +203,10 @@ def _question(before: Compared, after: Compared) -> list[results.SettingChange]:
             if not any(name.startswith(word) for name in said):
                 found.append(change)
     return found
+
+
+def _differ(trees: Sequence[Mapping[str, Any]], name: str) -> bool:
+    return trees[0].get(name) != trees[1].get(name)
 
 
 def _options(command: Sequence[str]) -> dict[str, str]:
@@ -248,9 +254,10 @@ def _without_rows(value: Any) -> Any:
     return {name: _without_rows(below) for name, below in vars(value).items() if not _holds_rows(below)}
 
 
-def _name(row: results.Result) -> str:
-    """Return what tells a row from the others, in words."""
-    words = (getattr(row, name, None) for name in _NAMES if name in type(row).model_fields)
+def _name(row: results.Result, result: Any = None) -> str:
+    """Return what tells a row of a result from the others, in words: not the star that all of it is about."""
+    above = () if result is None else type(result).model_fields
+    words = (getattr(row, name, None) for name in _NAMES if name in type(row).model_fields and name not in above)
     return " ".join(str(word) for word in words if isinstance(word, str) and word)
 
 
@@ -267,7 +274,7 @@ def _rows(result: Any, above: str = "") -> dict[str, dict[str, Any]]:
         if _holds_rows(value):
             seen: Counter[str] = Counter()
             for place, row in enumerate(value):
-                word = _name(row) or f"{name} {place + 1}"
+                word = _name(row, result) or f"{name} {place + 1}"
                 seen[word] += 1
                 label = f"{word} ({seen[word]})" if seen[word] > 1 else word
                 below = _rows(row, f"{above}: {label}" if above else label)

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from catalogs import Catalogue, open_catalogue, resolve_star
-from cpic_core import Advance, FloatArray, InputError, Record, untold
+from cpic_core import Advance, FloatArray, InputError, Record, shortened, untold
 from cpic_planner import etc, report
 from cpic_planner.api.functions import catalogue_of, model_of, shipped_star, stars_named
 from cpic_planner.etc import EtcModel, etc_result, questions, reference_notes
-from cpic_planner.queries import MAX_VISITS, EtcQuestion, ReferencePlanet, called, observed_utc
+from cpic_planner.queries import MAX_VISITS, EtcQuestion, ReferencePlanet, called, differing_values, observed_utc
 from cpic_planner.queries.etc import PLACES
 from cpic_planner.results import (
     AnsweredStar,
@@ -32,8 +32,9 @@ from cpic_planner.results import (
     OpenQuantiles,
     Quantiles,
 )
+from cpic_planner.results.compared import leaves
 from cpic_planner.targets import Targets, find_target
-from simulator.config import content_hash
+from simulator.config import content_hash, load_instrument
 from simulator.target import albedo_source
 
 if TYPE_CHECKING:
@@ -550,6 +551,7 @@ def answered(question: EtcQuestion, working: Working = _unseen) -> Answered:
     if table.kind != "snapshot":
         about = "; ".join(filter(None, (about, f"star data: {table.provenance}")))
     asked_for = question.hashed() | ({} if known is None else {"known_planet": known.content()})
+    stated = _stated(question)
     question, star, model, found = _closed_forms_of(question, star, known, working)
     if question.dial.fidelity != "quick":
         found = checked(question, model, [star], found, working)
@@ -558,9 +560,31 @@ def answered(question: EtcQuestion, working: Working = _unseen) -> Answered:
     notes = [*table.notes, *(() if known is None else known.choice.table.notes)]
     labels: dict[str, Any] = {"note": about, "notes": notes, "catalogue": table.provenance, "planet": hypothetical}
     seed = 1 if question.seed is None else question.seed
-    result = etc_result(model, star, found, asked=asked_for, dial=question.dial, seed=seed, **labels)
+    how: dict[str, Any] = {"asked": asked_for, "stated": stated, "dial": question.dial, "seed": seed}
+    result = etc_result(model, star, found, **how, **labels)
     placed = known is not None or any(getattr(question, place) is not None for place in PLACES)
     return Answered(question, model, star, result, placed)
+
+
+_NOT_STATED = {"target", "instrument", "ensemble", "catalog", "known_planets"}
+"""Fields of which results say more elsewhere, or that hold a whole file."""
+
+
+def _stated(question: EtcQuestion) -> dict[str, str]:
+    """Return what is asked other than by default, as texts by the dotted names of the fields."""
+    tree = question.model_dump(mode="json", exclude_defaults=True, exclude=_NOT_STATED)
+    shipped, name = load_instrument(), question.instrument.name
+    if question.instrument is not shipped:
+        own = {} if name.startswith(shipped.name) else {"name": name}
+        tree["instrument"] = own | differing_values(question.instrument)
+    if question.fidelity == "quick":  # is the default in words
+        del tree["fidelity"]
+    if question.ensemble is not None:
+        tree["ensemble"] = question.ensemble.name
+    return {key: shortened(text, _LONGEST) for key, text in leaves(tree)}
+
+
+_LONGEST = 80
 
 
 def answered_stars(question: EtcQuestion, working: Working = _unseen) -> tuple[EtcStarsResult, bool]:
@@ -598,6 +622,7 @@ def answered_stars(question: EtcQuestion, working: Working = _unseen) -> tuple[E
     every = [item for fidelity in firm for item in fidelity.answers]
     seed = next((fidelity.seed for fidelity in firm if fidelity.seed is not None), None)
     result = EtcStarsResult(
+        asked=first.asked,
         config_hash=content_hash([item.result.config_hash for item in each]),
         catalogue=first.catalogue,
         date_utc=first.date_utc,

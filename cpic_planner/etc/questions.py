@@ -714,12 +714,14 @@ def etc_result(
     notes: Sequence[str] = (),
     planet: ReferencePlanet | None,
     asked: Mapping[str, Any],
+    stated: Mapping[str, str] | None = None,
     catalogue: str,
     dial: Dial | None = None,
     seed: int | None = None,
 ) -> EtcResult:
     """Collect answers about one star of a catalogue, which is named by its provenance.
 
+    ``asked`` is what decides the answers, for their hash, ``stated`` what they say of it.
     ``note`` is a remark on the name of the star, ``notes`` are those on the reading of tables. ``dial`` and ``seed``
     are those of the check in images, closed forms alone without.
     """
@@ -729,6 +731,7 @@ def etc_result(
     decides["planet"] = None if planet is None else planet.content()
     return EtcResult(
         config_hash=content_hash(decides),
+        asked=None if stated is None else dict(stated),
         target=str(target.name[0]),
         hip=int(target.hip[0]) if target.hip[0] else None,
         v_mag=float(target.v_mag[0]),

@@ -5,6 +5,7 @@ from cpic_planner.queries.changes import (
     Written as Written,
     changed as changed,
     changed_instrument as changed_instrument,
+    differing_values as differing_values,
     instrument_rows as instrument_rows,
     instrument_title as instrument_title,
     is_optical as is_optical,

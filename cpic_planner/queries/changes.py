@@ -445,6 +445,13 @@ def instrument_title(instrument: config.Instrument) -> str:
     return f"{instrument.name} ({instrument.content_hash})"
 
 
+def differing_values(instrument: config.Instrument) -> dict[str, str]:
+    """Return the values of an instrument that differ from those of the shipped one, with their units, by their keys."""
+    shipped = dict(_plain_values(sections(config.load_instrument())))
+    values = {key: text for key, text in _plain_values(sections(instrument)) if shipped.get(key) != text}
+    return {key: f"{text} {config.unit_of(key)}".strip() for key, text in values.items()}
+
+
 def instrument_rows(
     instrument: config.Instrument, key: str = "", *, other: config.Instrument | None = None
 ) -> "list[InstrumentValue]":

@@ -1,7 +1,4 @@
-"""Questions about one star: ``cpic etc`` (time for a level, SNR for a time, or the contrast limit), ``curve``, ``roc``.
-
-Known planets, which several questions can be about.
-"""
+"""The question of ``cpic etc`` about stars and known planets: time for a level, SNR for a time, or a contrast limit."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
@@ -40,26 +37,9 @@ def _ensemble(given: Any) -> Any:
     return load_ensemble(given)
 
 
-class KnownPlanetsQuestion(shared.TablesQuestion):
-    """A question that known planets at a date can be part of."""
-
-    # They count by what is read of them, which is in the hash of the ranking.
-    known_planets: str | None = asked(
-        None,
-        "Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
-        "(without them), latest (made by cpic catalog refresh --planets), or a file (CSV, VOTable, FITS or "
-        "another format), which is laid over the snapshot planet by planet; none+FILE takes the file alone. In a "
-        "ranking or a plan it stands instead of a population; whatif counts them beside it, and off leaves them out.",
-        physics=False,
-        read=str,
-        names_file=lambda word: word not in ("snapshot", "archive_2019"),
-    )
-    candidates: bool = asked(
-        False, "Count candidates among the known planets too, not only confirmed and controversial ones.", physics=False
-    )
-
-
-class EtcQuestion(shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.StarsQuestion, KnownPlanetsQuestion):
+class EtcQuestion(
+    shared.ProgrammeQuestion, shared.InstrumentQuestion, shared.StarsQuestion, shared.KnownPlanetsQuestion
+):
     """Ask the exposure-time calculator.
 
     With ``contrast_limit`` the answer is the faintest contrast that reaches the level, else with a level the least

@@ -17,7 +17,6 @@ from cpic_core import FloatArray, InputError, Record, faults_by_line, is_file, r
 from cpic_planner.planets import MAX_PLANETS, N_PLANETS, Law, PopulationConfig, load_population, read_law
 from cpic_planner.queries import shared
 from cpic_planner.queries.changes import InstrumentParts, is_optical, read_instrument, with_unit
-from cpic_planner.queries.etc import KnownPlanetsQuestion
 from cpic_planner.queries.question import asked, called
 from cpic_planner.queries.shared import EXCLUSIONS
 from cpic_planner.registry import DEFAULT_SCORE, ScoreName
@@ -173,7 +172,7 @@ class EnsembleChoice(Record):
 DEFAULT_YEARS = 5.0
 
 
-class KnownQuestion(shared.InstrumentQuestion, shared.CatalogQuestion, KnownPlanetsQuestion):
+class KnownQuestion(shared.InstrumentQuestion, shared.CatalogQuestion, shared.KnownPlanetsQuestion):
     """Say where the known planets are at a date, how bright, and when the dark hole covers them."""
 
     KIND: ClassVar[str] = "known"
@@ -268,7 +267,7 @@ def asked_exclusions(**settings: Any) -> Any:
     )
 
 
-class CountedPlanetsQuestion(KnownPlanetsQuestion):
+class CountedPlanetsQuestion(shared.KnownPlanetsQuestion):
     """A question about the planets that completeness counts: of a population, or known ones."""
 
     planet: shared.ReferencePlanet = shared.asked_planet()

@@ -731,6 +731,25 @@ class TablesQuestion(Question):
     )
 
 
+class KnownPlanetsQuestion(TablesQuestion):
+    """A question that known planets at a date can be part of."""
+
+    # They count by what is read of them, which is in the hash of the ranking.
+    known_planets: str | None = asked(
+        None,
+        "Table of known planets: snapshot (NASA Exoplanet Archive of 2019 with the updates since), archive_2019 "
+        "(without them), latest (made by cpic catalog refresh --planets), or a file (CSV, VOTable, FITS or "
+        "another format), which is laid over the snapshot planet by planet; none+FILE takes the file alone. In a "
+        "ranking or a plan it stands instead of a population; whatif counts them beside it, and off leaves them out.",
+        physics=False,
+        read=str,
+        names_file=lambda word: word not in ("snapshot", "archive_2019"),
+    )
+    candidates: bool = asked(
+        False, "Count candidates among the known planets too, not only confirmed and controversial ones.", physics=False
+    )
+
+
 class CatalogQuestion(TablesQuestion):
     """A question about stars of a table."""
 

@@ -426,13 +426,15 @@ def _ratio(row: _Both) -> str:
     return significant(own.value / base.value, 3) if alike else _UNLIKE
 
 
-def both_blocks(each: Sequence[tuple[str, EtcResult]]) -> Iterator[doc.Block]:
-    """Yield answers with several instruments, and their ratio to those of the first one.
+def both_blocks(each: Sequence[tuple[str, EtcResult]], noun: str) -> Iterator[doc.Block]:
+    """Yield answers with several instruments or to several questions, and their ratio to those of the first one.
 
     Parameters
     ----------
     each : sequence of (str, EtcResult)
-        Name of each instrument, and what is answered with it.
+        Name of each instrument or question, and what is answered.
+    noun : str
+        What they are: ``instrument`` or ``question``.
     """
     rows: list[_Both] = []
     for band in dict.fromkeys(row.band for _, result in each for row in result.answers):
@@ -440,16 +442,17 @@ def both_blocks(each: Sequence[tuple[str, EtcResult]]) -> Iterator[doc.Block]:
         rows += [(row, name, base) for name, own in answers for row, base in zip_longest(own, answers[0][1]) if row]
     columns = doc.row_columns(
         EtcAnswer,
-        "band instrument value ratio separation_arcsec contrast visits frames snr significance limit status",
+        "band which value ratio separation_arcsec contrast visits frames snr significance limit status",
         of=itemgetter(0),
-        instrument=doc.own_column("instrument", "{1}", look="left"),
+        which=doc.own_column(noun, "{1}", look="left"),
         value=doc.own_column("answer", lambda row: doc.cell(_ANSWER, row[0])),
-        ratio=doc.own_column("ratio", _ratio, legend="answer over that of the first instrument in the same band"),
+        ratio=doc.own_column("ratio", _ratio, legend=f"answer over that of the first {noun} in the same band"),
         limit=doc.own_column("limit", lambda row: words.LIMITED_BY[row[0].limited_by or "none"][0], look="left"),
     )
-    yield doc.Table(f"{words.full_name(each[0][1].target, each[0][1].hip)} with each instrument", columns, rows)
+    stars = dict.fromkeys(words.full_name(result.target, result.hip) for _, result in each)
+    yield doc.Table(f"{' and '.join(stars)} with each {noun}", columns, rows)
     if any(_ratio(row) == _UNLIKE for row in rows):
-        why = "each instrument has its own best place, and planets of other separations or contrasts do not compare"
+        why = f"each {noun} has its own best place, and planets of other separations or contrasts do not compare"
         yield doc.Paragraph(f"No ratio is given where it says {_UNLIKE}: {why}. A stated separation is that of both.")
 
 

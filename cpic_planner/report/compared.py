@@ -19,7 +19,10 @@ def comparison_blocks(
 ) -> Iterator[doc.Block]:
     """Yield what differs between two answers, the first ``limit`` values of them, and what explains it."""
     if isinstance(result, results.RankComparison):
-        yield from move_blocks(result, limit)
+        if result.before.config_hash == result.after.config_hash:
+            yield doc.Paragraph("No difference: both are one ranking.")
+        else:
+            yield from move_blocks(result, limit)
         return
     title = f"What differs in the answer from {result.before.name} (before) to {result.after.name} (after)"
     if result.changes:

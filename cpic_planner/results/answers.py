@@ -235,10 +235,17 @@ class EtcAnswer(LimitColumns, ReductionColumns, VerdictColumns, ProgrammeColumns
         return tree if self.fidelity is None else tree | {"fidelity": self.fidelity.model_dump(mode="json")}
 
 
+_ASKED = optional(
+    "what was asked other than by default, beside the targets: texts by the keyword, or by instrument and the key of "
+    "what differs from the shipped one; null in older results"
+)
+
+
 class EtcResult(StarHeader, OfTarget):
     """Answers of the exposure-time calculator for one target."""
 
     kind: Literal["etc"] = "etc"
+    asked: dict[str, str] | None = _ASKED
     reference_planet: ReferencePlanetRecord | None
     best_band: str | None
     answers: list[EtcAnswer]
@@ -262,6 +269,7 @@ class EtcStarsResult(OfTables):
 
     main_rows: ClassVar[str] = "answers"
     kind: Literal["etc_stars"] = "etc_stars"
+    asked: dict[str, str] | None = _ASKED
     catalogue: str
     date_utc: str = column("date of the places of stars and companions")
     reference_planet: ReferencePlanetRecord | None = column("null where all answers are about other planets")

@@ -62,7 +62,7 @@ class AnswerComparison(Document):
 
 def differing(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[SettingChange]:
     """Return the settings in which two trees of settings differ, by their dotted keys."""
-    old, new = dict(_leaves(before)), dict(_leaves(after))
+    old, new = dict(leaves(before)), dict(leaves(after))
     return [
         SettingChange(key=key, before=old.get(key, "none"), after=new.get(key, "none"), unit=unit_of(key))
         for key in old | new
@@ -70,16 +70,16 @@ def differing(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Setti
     ]
 
 
-def _leaves(tree: Any, above: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the dotted keys of a tree, and what is there as text."""
+def leaves(tree: Any, above: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the dotted keys of a tree of settings, and what is there as text."""
     if hasattr(tree, "model_dump"):
         tree = {name: getattr(tree, name) for name in type(tree).model_fields}
     if isinstance(tree, Mapping):
         for name, below in tree.items():
-            yield from _leaves(below, f"{above}.{name}" if above else str(name))
+            yield from leaves(below, f"{above}.{name}" if above else str(name))
     elif isinstance(tree, float):
         yield above, f"{tree:.6g}"
     elif isinstance(tree, list | tuple):
-        yield above, ", ".join(text for item in tree for _, text in _leaves(item, above)) or "none"
+        yield above, ", ".join(text for item in tree for _, text in leaves(item, above)) or "none"
     else:
         yield above, "none" if tree is None else str(tree)

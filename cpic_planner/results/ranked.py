@@ -25,7 +25,7 @@ from cpic_planner.results.base import (
     column,
     optional,
 )
-from cpic_planner.results.compared import SettingChange
+from cpic_planner.results.compared import AnswerComparison, SettingChange
 from cpic_planner.results.runs import InstrumentResult
 from simulator.config import Real
 
@@ -650,8 +650,9 @@ class StarResult(StarHeader):
 
 
 class TwoInstrumentsResult(Document):
-    """Two instruments: the values in which they differ, and the answers of both to one question."""
+    """Two questions to the calculator, with one instrument or two: in what they and their answers differ."""
 
     kind: Literal["two_instruments"] = "two_instruments"
     differences: InstrumentResult
-    answers: list[EtcResult] = column("of the first instrument and of the other; empty without a question")
+    answers: list[EtcResult] = column("to the first question and to the second; empty without a star")
+    comparison: AnswerComparison | None = optional("what differs in the answers and why; null without a star")

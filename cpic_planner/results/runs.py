@@ -180,6 +180,7 @@ class ReducedSequence(Row):
 class ReductionResult(RunResult):
     """Level-1 files of a reduction, and how they were made."""
 
+    main_rows: ClassVar[str] = "sequences"
     kind: Literal["reduction"] = "reduction"
     version: str
     config_hash: str

@@ -12,11 +12,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qsl, urlencode
 
 from catalogs import open_catalogue, table_readings, tables_read, velocity_limit
 from cpic_core import InputError, only_sent_files, was_sent
 from cpic_planner import queries, report, results
 from cpic_planner.api import Answered, answered, prepared, visibility_of
+from cpic_planner.api.comparison import Compared, compared_answers
 from cpic_planner.api.one_star import star_or_planet
 from cpic_planner.web.addresses import ETC, RANK, Addresses, Pairs, Q, Submission, address, check_shipped, python_lines
 from cpic_planner.web.forms import Field, Form, Group, etc_form, rank_form
@@ -99,7 +101,11 @@ def _etc_blocks(answer: Answered, pairs: Pairs, submission: Submission | None) -
     if answer.question.catalog == "snapshot" and answer.question.v_mag is None:
         more = report.page_link(address(STAR.path, (), name=result.target), "its page")
         blocks.append(report.Paragraph(["Seasons, known planets and priority of the star: ", more, "."]))
-    lines = python_lines(answer.question, pairs) if submission is None else ""
+    lines = ""
+    if submission is None:
+        lines = python_lines(answer.question, pairs)
+        other = report.page_link(address(COMPARE.path, pairs), "Compare it with another question")
+        blocks.append(report.Paragraph([other, "."]))
     return blocks + elsewhere([ETC.command_line(pairs)], cited(result), lines)
 
 
@@ -421,22 +427,28 @@ STAR = Page(
 )
 
 
-# Two instruments: the values in which they differ, and what the calculator answers with each.
+# Two questions, which may be about two instruments: what differs in them and in what the calculator answers.
 
 
-OTHER = "other"
-_OTHER = ("The other instrument", "What the first one is compared with; its values are as shipped.")
+OTHER, SECOND = "other", "second"
+_QUESTIONS = ("the first question", "the second question")
+_LONGEST_SECOND = 2000
 _FIRST = ("The first instrument", "Changes below are changes of this one.")
+_OTHER = ("The other instrument", "What the first one is compared with; its values are as shipped.")
+_SECOND_HINT = "What the second question has instead, as in an address; or the whole address of its answer."
+_SECOND = Field(SECOND, "The second question", _SECOND_HINT, example="time_s=7200&bands=F662")
 
 
 def _compare_form(given: Sequence[tuple[str, str]], error: InputError | None = None) -> Form:
-    form = etc_form([pair for pair in given if pair[0] != OTHER], None if error and error.key == OTHER else error)
+    own = error is not None and error.key in (OTHER, SECOND)
+    form = etc_form([pair for pair in given if pair[0] not in (OTHER, SECOND)], None if own else error)
     fields = {field.name: field for group in form.groups for field in group.fields}
     presets = {
         name: Field(name, *told, "choice", preset_names("instrument"))
         for name, told in (("instrument", _FIRST), (OTHER, _OTHER))
     }
-    which = Group("Which instruments", (*_few_fields(presets, given, error), fields["set"]))
+    shown = _few_fields(presets | {SECOND: _SECOND}, given, error)
+    which = Group("What is compared", (*shown[:2], fields["set"], shown[2]))
     kept = (
         replace(group, fields=tuple(item for item in group.fields if item.name not in ("instrument", "set")))
         for group in form.groups
@@ -445,66 +457,118 @@ def _compare_form(given: Sequence[tuple[str, str]], error: InputError | None = N
 
 
 def _compare_pairs(given: Sequence[tuple[str, str]]) -> Pairs:
-    """Return the parameters of an address in order: those of the calculator, and the other instrument."""
+    """Return the parameters of an address in order: the first question, the other instrument, the second question."""
     rest, other = _one_of(OTHER, given)
+    rest, second = _one_of(SECOND, rest)
     if other and other not in preset_names("instrument") and not was_sent(other):
         raise InputError(OTHER, "another word", allowed=", ".join(preset_names("instrument")))
-    return (*ETC.canonical(rest), *(((OTHER, other),) if other else ()))
+    if len(second) > _LONGEST_SECOND or not second.isprintable():
+        raise InputError(SECOND, f"{len(second)} characters", allowed=f"at most {_LONGEST_SECOND} printable ones")
+    with _of_second(second):
+        told = urlencode(ETC.canonical(parse_qsl(second.rpartition("?")[2].strip(), strict_parsing=bool(second))))
+    named = [(name, text) for name, text in ((OTHER, other), (SECOND, told)) if text]
+    return (*ETC.canonical(rest), *named)
+
+
+@contextlib.contextmanager
+def _of_second(text: str) -> Iterator[None]:
+    """Let refusals of the body name the second question."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(SECOND, text, allowed="a question that can be answered", hint=str(error)) from None
+    except ValueError:
+        raise InputError(SECOND, text, allowed="NAME=VALUE&NAME=VALUE, or the address of an answer") from None
+
+
+def _second_pairs(pairs: Pairs) -> Pairs:
+    """Return the second question: whole where it names a star, else the first one with what it has instead."""
+    names, first = dict(pairs), _without(pairs, OTHER, SECOND)
+    own = tuple(parse_qsl(names.get(SECOND, "")))
+    if {"target", "v_mag"} & dict(own).keys():
+        first = ()
+    elif OTHER in names or not own:
+        first = _without(first, "instrument", "set")
+    other = (("instrument", names[OTHER]),) if OTHER in names and "instrument" not in dict(own) else ()
+    return ETC.canonical((*_without(first, *dict(own)), *other, *own))
 
 
 def _compare(pairs: Pairs, submission: Submission | None) -> Answer:
-    """Return two instruments, and a question answered with each where one names a star."""
-    asked, names = _without(pairs, OTHER), dict(pairs)
+    """Return two questions with the answers of both where they name a star, else two instruments alone."""
+    both, names = (_without(pairs, OTHER, SECOND), _second_pairs(pairs)), dict(pairs)
     star = "target" in names or "v_mag" in names
+    if SECOND in names and not star:
+        raise InputError("target", "missing", allowed="a star in the first question")
     with queries.called_as(ETC.names):
-        question = ETC.question(asked if star else (*asked, ("target", "tau Cet")))
-    first, other = question.instrument, queries.read_instrument(names.get(OTHER))
+        first = ETC.question(both[0] if star else (*both[0], ("target", "tau Cet")))
+    with queries.called_as(ETC.names), _of_second(names[SECOND]) if SECOND in names else contextlib.nullcontext():
+        second = ETC.question(both[1] if star else (*both[1], ("target", "tau Cet")))
     if submission is not None and submission.files:
-        check_shipped(first, question.band_names())
-        check_shipped(other, question.bands or other.visible_bands(), OTHER)
-    title = f"{queries.instrument_title(first)} beside {queries.instrument_title(other)}"
-    differing = results.InstrumentResult(title=title, values=queries.instrument_rows(first, other=other))
-    both = (question, question.model_copy(update={"instrument": other})) if star else ()
-    found = tuple(map(answered, both))
-    result = results.TwoInstrumentsResult(differences=differing, answers=[answer.result for answer in found])
-    labels = (first.name, other.name)
-    if first.name == other.name:
-        labels = (f"{first.name}, first", f"{other.name}, other")
+        check_shipped(first.instrument, first.band_names())
+        check_shipped(second.instrument, second.band_names(), OTHER)
+    title = f"{queries.instrument_title(first.instrument)} beside {queries.instrument_title(second.instrument)}"
+    rows = queries.instrument_rows(first.instrument, other=second.instrument)
+    differing = results.InstrumentResult(title=title, values=rows)
+    found = tuple(map(answered, (first, second))) if star else ()
+    labels = _QUESTIONS
+    if SECOND not in names:
+        labels = (first.instrument.name, second.instrument.name)
+        if labels[0] == labels[1]:
+            labels = (f"{labels[0]}, first", f"{labels[1]}, other")
+    answers = [answer.result for answer in found]
+    compared = compared_answers(*map(Compared, labels, answers)) if found else None
+    result = results.TwoInstrumentsResult(differences=differing, answers=answers, comparison=compared)
     heading = f"{names.get('instrument', 'cpic_default')} beside {names.get(OTHER, 'cpic_default')}"
-    return Answer(heading, result, lambda: [*_differences(differing, labels, found), *_same_comparison(pairs)])
+    if SECOND in names:
+        heading = "Two questions to the calculator"
+
+    def blocks() -> Iterator[report.Block]:
+        yield from _differences(result, labels, found)
+        yield from _same_comparison(pairs, both if star else ())
+
+    return Answer(heading, result, lambda: list(blocks()))
 
 
 def _differences(
-    differing: results.InstrumentResult, labels: tuple[str, str], answers: Sequence[Answered]
+    result: results.TwoInstrumentsResult, labels: tuple[str, str], answers: Sequence[Answered]
 ) -> Iterable[report.Block]:
-    if differing.values:
-        yield from report.instrument_blocks(differing, "key value other unit")
-    else:
-        yield report.Paragraph(f"{differing.title}: the same in every value.")
-    if not answers:
+    values, compared, noun = result.differences, result.comparison, "question"
+    if labels != _QUESTIONS:
+        noun = "instrument"
+    elif compared is not None:
+        yield report.Paragraph(compared.statement, "lead")
+    if values.values:
+        yield from report.instrument_blocks(values, "key value other unit")
+    elif noun == "instrument":
+        yield report.Paragraph(f"{values.title}: the same in every value.")
+    if compared is None:
         yield report.Paragraph("With a star below, both answer the same question.", "note")
         return
     both = list(zip(labels, answers, strict=True))
-    yield from report.both_blocks([(name, answer.result) for name, answer in both])
+    yield from report.both_blocks([(name, answer.result) for name, answer in both], noun)
+    yield report.Fold("All values that differ", list(report.comparison_blocks(compared)))
     for name, answer in both:
         yield report.Fold(f"All that {name} answers", list(answer.blocks()))
 
 
-def _same_comparison(pairs: Pairs) -> list[report.Block]:
+def _same_comparison(pairs: Pairs, both: Sequence[Pairs]) -> list[report.Block]:
     names = dict(pairs)
-    words = ["cpic instrument diff", names.get("instrument", "cpic_default"), names.get(OTHER, "cpic_default")]
-    commands = [" ".join([*words, *(f"--set {text}" for name, text in pairs if name == "set")])]
-    if "target" in names or "v_mag" in names:
-        second = (("instrument", names[OTHER]),) if OTHER in names else ()
-        both = _without(pairs, OTHER), (*_without(pairs, OTHER, "instrument", "set"), *second)
-        commands += map(ETC.command_line, both)
-    return elsewhere(commands)
+    commands = []
+    if SECOND not in names:
+        words = ["cpic instrument diff", names.get("instrument", "cpic_default"), names.get(OTHER, "cpic_default")]
+        commands = [" ".join([*words, *(f"--set {text}" for name, text in pairs if name == "set")])]
+    lines = [ETC.command_line(one) for one in both]
+    if SECOND in names:
+        files = ("first.json", "second.json")
+        lines = [f"{line} --json > {file}" for line, file in zip(lines, files, strict=True)]
+        lines.append(f"cpic compare {' '.join(files)}")
+    return elsewhere([*commands, *lines])
 
 
 COMPARE = Page(
     "/compare",
-    "Two instruments for CPI-C",
-    "The values in which two instruments differ, and what the calculator answers with each.",
+    "Two questions for CPI-C",
+    "What differs in what the calculator answers to two questions, which may be about two instruments, and why.",
     _compare_pairs,
     _compare_form,
     _compare,

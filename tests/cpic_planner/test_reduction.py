@@ -45,6 +45,7 @@ def test_a_folder_is_reduced_resumed_and_checked(folder, tmp_path, capsys):
         counts["good"] += int(np.count_nonzero(frame.mask == 0))
         counts["cosmic_ray"] += int(np.count_nonzero(frame.mask & 16))
     assert {key: made.mask_counts[key] for key in counts} == counts
+    assert result.to_pandas()["file"].tolist() == [made.file]
     assert check_tree(out) == []
     assert main(["reduce", str(folder), "--out", str(out), "--json"]) == 0
     shown = capsys.readouterr()

@@ -12,6 +12,7 @@ from cpic_planner.etc import band_law, build_model, contrast_limit, light_share,
 from cpic_planner.etc.questions import exposure_time, signal_to_noise
 from cpic_planner.queries import EtcQuestion, Strategy
 from cpic_planner.ranking import optimise
+from cpic_planner.results import EtcStarsResult
 from cpic_planner.targets import find_target
 from simulator.config import load_instrument
 
@@ -205,6 +206,8 @@ def test_several_stars_are_answered_as_each_alone(done):
         number for number, row in enumerate(together["answers"]) if row["n_frames"] is not None
     ]
     assert together["config_hash"] not in [one["config_hash"] for one in alone]
+    frame = EtcStarsResult.model_validate(together).to_pandas()
+    assert frame["target"].tolist() == [row["target"] for row in together["answers"]]
     out, _ = done(*names, *asked, "--columns", "target,band,value", "--format", "csv")
     lines = [f"{row['target']},{row['band']}," for row in together["answers"]]
     assert [line[: len(begin)] for line, begin in zip(out.splitlines()[1:], lines, strict=True)] == lines

@@ -1,10 +1,12 @@
 """Answers of the pages: ranking rows, a star, two instruments, the columns of a table."""
 
 import hashlib
+import html
 import json
 import re
 from shlex import split
 from types import SimpleNamespace
+from urllib.parse import quote
 
 import pytest
 from jsonschema import Draft202012Validator
@@ -222,6 +224,67 @@ def test_a_ratio_compares_the_same_planet_only(ask, question, given):
     assert ("No ratio is given where it says other planet" in words(SimpleNamespace(text=unfolded))) is not given
     if given:
         assert f"{other['value'] / first['value']:.3g}" in words(page)
+
+
+def test_two_questions_are_compared_as_the_command_compares_their_answers(ask, tmp_path, capsys):
+    first, second = "target=tau+Cet&bands=F520&bands=F720&time_s=36000", "time=2h&drift_nm=0.1"
+    told = ask(f"/compare?{first}&second={quote(second)}&format=json").json
+    command = "etc 'tau Cet' --band F520 --band F720 --json"
+    for name, more in (("a", " --time-s 36000"), ("b", " --time 2h --drift-nm 0.1")):
+        (tmp_path / f"{name}.json").write_text(printed(capsys, f"{command}{more}"))
+    assert told["answers"] == [json.loads((tmp_path / f"{name}.json").read_text()) for name in "ab"]
+    theirs = json.loads(printed(capsys, f"compare {tmp_path / 'a.json'} {tmp_path / 'b.json'} --json"))
+    for name in ("changes", "settings", "explained_by", "statement"):
+        assert told["comparison"][name] == theirs[name]
+    settings = {row["key"]: (row["before"], row["after"]) for row in theirs["settings"]}
+    assert settings == {
+        "time_s": ("36000", "7200"),
+        "instrument.drift.visit_nm": ("by default", "0.1 nm"),
+        "instrument.drift.walk_nm_per_sqrt_hour": ("by default", "0.1 nm/sqrt(h)"),
+    }
+    page = ask(f"/compare?{first}&second={quote(second)}")
+    assert "The verdict changes for F720" in words(page)
+    assert "cpic compare first.json second.json" in page.text
+
+
+def test_the_second_question_may_be_whole_or_the_address_of_an_answer(ask):
+    first = "/compare?target=tau+Cet&snr=5&bands=F520&set=throughput%3Dx0.7"
+    for whole in ("target=eps+Ind&snr=10&bands=F520", "http://localhost:8765/etc?target=eps+Ind&snr=10&bands=F520"):
+        told = ask(f"{first}&second={quote(whole)}&format=json").json
+        mine, other = told["answers"]
+        assert other == ask("/etc?target=eps+Ind&snr=10&bands=F520&format=json").json
+        assert mine == ask(f"/etc?{first.partition('?')[2]}&format=json").json
+        # Rows of two stars stand beside each other, band by band.
+        assert not told["comparison"]["only_before"]
+        keys = [row["key"] for row in told["comparison"]["settings"]]
+        assert keys[:2] == ["target", "snr"]
+        assert "instrument.bands.F520.t_opt" in keys
+
+
+@pytest.mark.parametrize(
+    ("query", "parameter", "said"),
+    [
+        ("target=tau+Cet&second=x", "second", "NAME=VALUE"),
+        ("target=tau+Cet&second=nonsense%3D2", "second", "nonsense"),
+        ("target=tau+Cet&snr=5&second=time%3D2h", "second", "one asks for a time"),
+        ("target=tau+Cet&second=instrument%3D%2Fetc%2Fpasswd", "second", "instrument"),
+        (f"target=tau+Cet&second={'x' * 2001}", "second", "at most 2000"),
+        ("second=time%3D2h", "target", "a star in the first question"),
+    ],
+)
+def test_what_is_wrong_with_the_second_question_is_said_beside_it(ask, query, parameter, said):
+    told = ask(f"/compare?{query}&format=json")
+    assert told.status == 400
+    assert told.json["parameter"] == parameter
+    assert said in told.json["message"]
+
+
+def test_an_answer_leads_to_its_comparison(ask):
+    page = ask("/etc?target=tau+Cet&snr=5&bands=F520")
+    (link,) = set(re.findall(r'href="(/compare\?[^"]*)"', page.text))
+    told = ask(html.unescape(link))
+    assert told.status == 200
+    assert words(page).count("18.6 min") >= 1 <= words(told).count("18.6 min")
 
 
 STARS = b"name,plx [mas],v_mag,sp_type,mood\nBob,100,5,G2V,fine\nEve,x,5,G2V,sad\n"
