@@ -454,8 +454,9 @@ def _with_instruments(
     ask: Callable[[EtcModel], list[EtcAnswer]], model: EtcModel, choice: EnsembleChoice, working: Working
 ) -> Iterator[list[EtcAnswer]]:
     """Yield what each drawn instrument answers."""
-    from cpic_planner.ranking.sensitivity import instrument_of, states_of
+    from cpic_planner.ranking.sensitivity import check_modelled, instrument_of, states_of
 
+    check_modelled(model)
     states, draws = states_of(model, choice.ensemble), choice.draws()
     with working("instruments", choice.n_instruments) as advance:
         for number, values in enumerate(zip(*draws.values(), strict=True), 1):

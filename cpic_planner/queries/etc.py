@@ -216,10 +216,10 @@ class EtcQuestion(
     @property
     def drawn_instruments(self) -> "EnsembleChoice | None":
         """The instruments that answer too; None where none are asked."""
-        from cpic_planner.queries.rank import EnsembleChoice, load_ensemble
-
         if self.instruments is None:
             return None
+        from cpic_planner.queries.rank import EnsembleChoice, load_ensemble
+
         return EnsembleChoice(self.ensemble or load_ensemble(), self.instruments, 1 if self.seed is None else self.seed)
 
     @property

@@ -721,6 +721,13 @@ MirrorStates: TypeAlias = dict[str, tuple[PsfMetrics, ...]]
 """Measured states of the mirror, by band."""
 
 
+def check_modelled(model: EtcModel) -> None:
+    """Refuse a coronagraph of a table, which no ensemble is about."""
+    if model.of_table:
+        hint = "an ensemble says what is not known of modelled optics"
+        raise InputError("coronagraph.table", model.instrument.name, allowed="no ensemble of instruments", hint=hint)
+
+
 def states_of(model: EtcModel, ensemble: Ensemble) -> MirrorStates:
     """Return the states of the mirror that the contrast is drawn on; none where it is not drawn.
 
@@ -810,9 +817,8 @@ def rank_under(
         As of `cpic_planner.ranking.order.rank_targets`.
     instruments : EnsembleChoice or None
     """
-    if instruments is not None and model.of_table:
-        hint = "an ensemble says what is not known of modelled optics"
-        raise InputError("coronagraph.table", model.instrument.name, allowed="no ensemble of instruments", hint=hint)
+    if instruments is not None:
+        check_modelled(model)
     result = rank_targets(model, targets, chosen=chosen, sample=sample, catalogue=catalogue, **asked)
     if instruments is None:
         return result

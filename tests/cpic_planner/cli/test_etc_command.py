@@ -237,6 +237,10 @@ def test_what_is_about_one_star_is_refused_of_several(refuses, option):
     refuses(["tau Cet", "eps Ind", option], [option.partition("=")[0], "2 targets"])
 
 
+def test_drawn_instruments_are_those_of_modelled_optics(refuses):
+    refuses(["tau Cet", "--instrument", "hwo_like", "--instruments", "3"], ["coronagraph.table", "no ensemble"])
+
+
 def test_a_name_without_quotation_marks_is_told(refuses):
     refuses(["tau", "Cet"], ["star = tau", "TARGET of several words stands in quotation marks"])
 
