@@ -23,6 +23,7 @@ def unit_in_the_last_place(text):
     return 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
 
 
+@pytest.mark.usefixtures("kept_rankings")
 @pytest.mark.parametrize("name", golden.kept_names())
 def test_the_answer_is_the_one_that_was_kept(name, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")
