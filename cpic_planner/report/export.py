@@ -80,13 +80,22 @@ def observed(result: AnyImages) -> Iterator[Observed]:
 def astrometry_csv(result: AnyImages) -> str:
     """Return fitted places as orbitize! reads them: epoch in MJD, separation in mas, position angle in degrees.
 
-    ``object`` counts the planets of a target. Columns of other names are passed over by orbitize!.
+    ``object`` counts the planets of a target, or the sources in files without a scene; orbitize! passes over columns of
+    other names.
     """
     rows = []
+    place: dict[str, Any]
+    if isinstance(result, results.ConfirmResult) and result.bare:
+        for number, source in enumerate(result.sources, 1):
+            if source.mjd is not None:
+                place = {"sep": 1e3 * source.separation_arcsec, "sep_err": 1e3 * source.separation_error_arcsec}
+                place |= {"pa": source.pa_deg, "pa_err": source.pa_error_deg}
+                about = {"target": result.scene, "planet": source.source, "band": source.band}
+                rows.append({"epoch": source.mjd, "object": number} | place | about)
     for item in observed(result):
         row = item.row
         if row.realisation == 1 and row.separation_arcsec is not None and row.separation_error_arcsec is not None:
-            place: dict[str, Any] = {"sep": 1e3 * row.separation_arcsec, "sep_err": 1e3 * row.separation_error_arcsec}
+            place = {"sep": 1e3 * row.separation_arcsec, "sep_err": 1e3 * row.separation_error_arcsec}
             place |= {"pa": row.pa_deg, "pa_err": row.pa_error_deg}
             about = {"target": item.target, "planet": item.band.planet, "band": item.band.band}
             rows.append({"epoch": row.epoch_mjd, "object": item.number} | place | about)

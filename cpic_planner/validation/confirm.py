@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import NDArray, Status, announce
+from cpic_core import InputError, NDArray, Status, announce
 from cpic_planner.etc import threshold_array
 from cpic_planner.results import AuditRecord, BandConfirmation, CandidateRecord, LimitRow, SearchRecord
 from cpic_planner.validation import level1
@@ -245,7 +245,12 @@ def _curve(visits: VisitPair, realisation: Realisation, star: StarFlux) -> list[
             at = signs[0] * separation / math.sqrt(2.0), signs[1] * separation / math.sqrt(2.0)
             place = place_at(geometry, strategy, "limit", (at,), visits.beside_arcsec)
             if obstacle(place, geometry, strategy) is None:
-                told = noise_at(visits, realisation, with_image(visits, place), star.rate_e_s, model)
+                try:
+                    told = noise_at(visits, realisation, with_image(visits, place), star.rate_e_s, model)
+                except InputError as error:
+                    if error.key != "background_region":
+                        raise
+                    continue  # what is usable around it has no room for apertures
                 sigma, left = (float(part or 0.0) for part in told)
                 threshold = float(threshold_array(geometry.resolution_elements(separation), strategy.sigma))
                 row = {"separation_arcsec": separation, "threshold": threshold, "throughput": left}

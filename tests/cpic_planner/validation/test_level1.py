@@ -12,7 +12,8 @@ from cpic_planner.confirm import confirm_scene
 from cpic_planner.confirm.files import measured_files
 from cpic_planner.jobs import check_tree
 from cpic_planner.queries import ConfirmQuestion
-from cpic_planner.validation import level1_files, level1_programmes
+from cpic_planner.report.export import astrometry_csv
+from cpic_planner.validation import confirm, level1_files, level1_programmes
 from simulator import load_instrument
 from simulator.target import scene_sources
 from tests.cpic_planner.validation.level1_files import BAND, scenes, write_off_mask, write_pairs, write_programme
@@ -54,6 +55,8 @@ def test_files_without_a_scene_are_measured_alone(folder, truth):
     assert not result.bands
     assert result.searches[0].false_detections is None
     assert "nothing to compare" in result.calibration_text
+    told = Table.read(astrometry_csv(result), format="ascii.csv")
+    assert list(told["sep"]) == pytest.approx([1e3 * source.separation_arcsec])
     for row in result.visits:
         x, y = JITTER[row.visit - 1]
         assert row.moved
@@ -173,6 +176,23 @@ def test_a_scene_stands_beside_its_files(folder, truth):
     curve = result.searches[0].curve
     there = np.interp(0.65, [row.separation_arcsec for row in curve], [row.contrast_limit for row in curve])
     assert there == pytest.approx(band.observations[0].contrast_limit, rel=0.5)  # another quadrant of the ring
+
+
+@pytest.mark.long
+def test_a_curve_goes_on_where_what_is_usable_has_no_room_for_apertures(folder, monkeypatch):
+    real = confirm.noise_at
+
+    def noise_at(visits, realisation, place, *more):
+        x, y = place.places_arcsec[0]
+        if x > 0 or y > 0:
+            raise InputError("background_region", "too small", allowed="room for at least 3 of them")
+        return real(visits, realisation, place, *more)
+
+    whole = measured(folder, scene=scenes()[0]).searches[0].curve
+    monkeypatch.setattr(confirm, "noise_at", noise_at)
+    curve = measured(folder, scene=scenes()[0]).searches[0].curve
+    assert [row.separation_arcsec for row in curve] == [row.separation_arcsec for row in whole]
+    assert curve != whole
 
 
 @pytest.mark.long
