@@ -20,7 +20,6 @@ from cpic_core import write_bytes, write_text
 from cpic_planner.confirm import make_plan
 from cpic_planner.confirm.plan import prepare_plan
 from cpic_planner.etc import build_model
-from cpic_planner.jobs.folder import open_run_folder
 from cpic_planner.queries import PlanQuestion
 from cpic_planner.report.files import panels_of
 from cpic_planner.report.image_figures import PanelSheet
@@ -134,9 +133,7 @@ def main() -> None:
         plan, rank = done.result, prepare_plan(config, "snapshot").rank
         write_bytes(HERE / "plan.json", (out / "plan.json").read_bytes())
         firm = SensitivityResult.model_validate_json((out / "sensitivity.json").read_text(encoding="utf-8"))
-        with open_run_folder(out, kind="plan", config_hash=plan.config_hash) as folder:
-            body = folder.part(f"{SHOWN[0]} {SHOWN[1]}")
-    assert body is not None
+    body = done.bodies[f"{SHOWN[0]} {SHOWN[1]}"]
     write_picture(HERE, "panels", PanelSheet().picture(panels_of(model, SHOWN[1], body), SHOWN[0]))
     cold = {
         "cpic etc 'tau Cet' --snr 5": cold_seconds(["etc", "tau Cet", "--snr", "5"]),
