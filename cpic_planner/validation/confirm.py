@@ -26,6 +26,7 @@ from cpic_planner.validation.measure import (
     speckles_of,
     with_image,
 )
+from cpic_planner.validation.photometry import radius_pixel
 from cpic_planner.validation.realise import FrameStatistics, Realisation, VisitPair, audited, realisations, visit_pair
 from cpic_planner.validation.search import MATCH_LAMBDA_D, BlindSearch
 from cpic_planner.validation.star_flux import StarFlux, observe_off_mask, star_flux_off_mask
@@ -240,13 +241,16 @@ def _curve(visits: VisitPair, realisation: Realisation, star: StarFlux) -> list[
     """Return the contrast limit against separation, each on a diagonal where no other source stands."""
     geometry, strategy, found = visits.geometry, visits.strategy, []
     model, zone = speckles_of(visits, star.rate_e_s), geometry.zone
+    margin = math.ceil(radius_pixel(geometry)) + 1
     for separation in np.linspace(zone.inner_corner_arcsec, zone.outer_corner_arcsec, N_LIMITS + 2)[1:-1].tolist():
         for signs in itertools.product((1, -1), repeat=2):
             at = signs[0] * separation / math.sqrt(2.0), signs[1] * separation / math.sqrt(2.0)
             place = place_at(geometry, strategy, "limit", (at,), visits.beside_arcsec)
             if obstacle(place, geometry, strategy) is None:
                 try:
-                    told = noise_at(visits, realisation, with_image(visits, place), star.rate_e_s, model)
+                    told = noise_at(
+                        visits, realisation, with_image(visits, place, margin_pixels=margin), star.rate_e_s, model
+                    )
                 except InputError as error:
                     if error.key != "background_region":
                         raise

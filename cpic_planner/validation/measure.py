@@ -202,10 +202,18 @@ def planet_templates(visits: VisitPair) -> tuple[PlanetTemplate, ...]:
     return tuple(with_image(visits, place) for place in places)
 
 
-def with_image(visits: VisitPair, place: PlanetPlace) -> PlanetTemplate:
-    """Return what the measurement of a planet at a place needs."""
+def with_image(visits: VisitPair, place: PlanetPlace, *, margin_pixels: int | None = None) -> PlanetTemplate:
+    """Return what the measurement of a planet at a place needs.
+
+    Parameters
+    ----------
+    visits : VisitPair
+    place : PlanetPlace
+    margin_pixels : int, optional
+        Of the images, as of `simulator.imaging.psf.Psf.at`: for measurements that look at the dark hole alone.
+    """
     pixel, middle = visits.geometry.pixel_scale_arcsec, visits.geometry.stamp_pixels // 2
-    templates = tuple(visits.optics.at(*offsets) for offsets in place.places_arcsec)
+    templates = tuple(visits.optics.at(*offsets, margin_pixels=margin_pixels) for offsets in place.places_arcsec)
     cores = (np.sum(image * weights) for image, weights in zip(templates, place.apertures, strict=True))
     return PlanetTemplate(
         **vars(place),
