@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cpic_core import InputError, NDArray, Status, announce
+from cpic_core import NDArray, Status, announce
 from cpic_planner.etc import threshold_array
 from cpic_planner.results import AuditRecord, BandConfirmation, CandidateRecord, LimitRow, SearchRecord
 from cpic_planner.validation import level1
@@ -17,9 +17,10 @@ from cpic_planner.validation.astrometry import Astrometry, fit_position
 from cpic_planner.validation.measure import (
     Measurement,
     PlanetTemplate,
+    is_covered,
     maps_of,
     measure_planets,
-    noise_at,
+    measured_at,
     obstacle,
     place_at,
     planet_templates,
@@ -246,19 +247,15 @@ def _curve(visits: VisitPair, realisation: Realisation, star: StarFlux) -> list[
         for signs in itertools.product((1, -1), repeat=2):
             at = signs[0] * separation / math.sqrt(2.0), signs[1] * separation / math.sqrt(2.0)
             place = place_at(geometry, strategy, "limit", (at,), visits.beside_arcsec)
-            if obstacle(place, geometry, strategy) is None:
-                try:
-                    told = noise_at(
-                        visits, realisation, with_image(visits, place, margin_pixels=margin), star.rate_e_s, model
-                    )
-                except InputError as error:
-                    if error.key != "background_region":
-                        raise
-                    continue  # what is usable around it has no room for apertures
-                sigma, left = (float(part or 0.0) for part in told)
+            whole = is_covered(realisation.reduced.region, place.apertures[0] * geometry.hole)
+            if not whole or obstacle(place, geometry, strategy) is not None:
+                continue
+            empty = with_image(visits, place, margin_pixels=margin)
+            told = measured_at(visits, realisation, empty, star.rate_e_s, model)
+            if told is not None:
                 threshold = float(threshold_array(geometry.resolution_elements(separation), strategy.sigma))
-                row = {"separation_arcsec": separation, "threshold": threshold, "throughput": left}
-                found.append(LimitRow(**row, contrast_limit=threshold * sigma))
+                row = {"separation_arcsec": separation, "threshold": threshold, "throughput": told.throughput}
+                found.append(LimitRow(**row, contrast_limit=threshold * told.contrast_sigma))
                 break
     return found
 

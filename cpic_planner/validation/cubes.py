@@ -144,7 +144,7 @@ def cube_files(
     star : Cube
         Of the star off the mask.
     about : mapping
-        What `about.json` says besides.
+        What ``about.json`` says besides.
     """
     cube = np.concatenate([own.rate_e_s for own, _ in science])
     reference = np.concatenate([own.rate_e_s for own in references])

@@ -772,7 +772,7 @@ def noise_at(
     rate_e_s: float,
     model: SpeckleModel | None,
 ) -> list[float | None]:
-    """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves of one.
+    """Return the contrast of 1 sigma at a place without a planet, and what the subtraction leaves; None where unknown.
 
     Parameters
     ----------
@@ -785,9 +785,5 @@ def noise_at(
     model : SpeckleModel, optional
         As of `forced_photometry`.
     """
-    if place is None:
-        return [None, None]
-    near = reduced_around(realisation, place, visits)
-    measured = forced_photometry(near, place, visits.geometry, visits.strategy.filter, model)
-    star_e = measured.throughput * place.core * rate_e_s * near.reduced.integration_s
-    return [float(measured.sigma_background / star_e), float(measured.throughput)]
+    one = None if place is None else measured_at(visits, realisation, place, rate_e_s, model)
+    return [None, None] if one is None else [float(one.contrast_sigma), float(one.throughput)]
