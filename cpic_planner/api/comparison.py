@@ -131,6 +131,8 @@ def compare_answers(
     for key, given in (("before", before), ("after", after)):
         if isinstance(given, results.Result):
             read.append(Compared(key, given))
+        elif not isinstance(given, str | Path):
+            raise InputError(key, given, allowed=_ALLOWED)
         elif Path(given).suffix.lower() in (".csv", ".ecsv"):
             read.append(load_ranking(given, key=key))
         else:

@@ -86,7 +86,7 @@ OTHERS = {
 }
 """What makes this processor compute as another one does."""
 DRAWN = ("simulation.json", "parts/", ".blob", ".html", "measurements.csv", "confirm.txt", "plan.txt")
-DRAWN += ("curve/curve.csv", "recovered.csv", "curve.txt")
+DRAWN += ("curve/curve.csv", "recovered.csv", "curve.txt", "export/")
 MEASURED = ("confirm/confirm.json", "plan/plan.json", "curve/curve.json")
 """What holds sums of frames, or the content of files that are compared otherwise; and what holds measurements."""
 
@@ -156,7 +156,9 @@ def test_another_processor_gives_nearly_the_same(name, plain, tmp_path, record_p
             assert mine.keys() == theirs.keys(), file
             apart = {place: distance(value, theirs[place]) for place, value in mine.items()}
             if file in MEASURED:
-                assert all(value <= 1e-3 for place, value in apart.items() if "chi2" not in place)
+                # A covariance follows from errors that are compared too, as the difference of nearly equal squares.
+                far = {place: value for place, value in apart.items() if value > 1e-3}
+                assert [place for place in far if not re.search("chi2|covariance", place)] == []
                 places = [place for place in mine if re.search("recovered_s|search_snr", place) and mine[place]]
                 measured = max(measured, *(abs(mine[place] - theirs[place]) for place in places), 0.0)
             else:

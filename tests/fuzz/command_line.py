@@ -106,7 +106,7 @@ def cases(draw: Any, folder: Path) -> Case:
             st.sampled_from(("option", "option", "option", "value", "value", "drop", "double", "swap", "junk"))
         )
         place = draw(st.integers(first, len(arguments) - 1))
-        if change == "option":
+        if change == "option" and known:  # of some commands they are not made before the first call
             option = draw(st.sampled_from(known))
             value = draw(texts)
             name = draw(st.sampled_from(option.names))

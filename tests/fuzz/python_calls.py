@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 
 import cpic_planner
 from cpic_core import exclusive_lock
+from cpic_planner.api import answered
+from cpic_planner.queries import EtcQuestion
 from tests.fuzz.values import OBJECTS, STARS, fresh, objects
 from tests.fuzz.watched import Case, of_function
 
@@ -31,6 +33,12 @@ def _bias() -> Any:
     """A sequence of one small frame."""
     small = {"name": "small", "detector": {"n_columns": 60, "n_rows": 50, "star_column": 30, "star_row": 25}}
     return cpic_planner.calibrate("BIAS", n_frames=1, em_gain=1.0, instrument=small)
+
+
+@functools.cache
+def _answer(snr: float) -> Any:
+    """An answer of the calculator, to be compared."""
+    return answered(EtcQuestion.of({"target": "tau Cet", "bands": ["F520"], "snr": snr})).result
 
 
 def _stamps() -> SimpleNamespace:
@@ -90,6 +98,9 @@ def good_calls(folder: Path) -> dict[str, dict[str, Any]]:
         "compare_strategies": {"strategies": "survey_default", "out": HELD},
         "contrast_curve": {"target": "tau Cet", "bands": ["F520"], "separation_arcsec": [0.5]},
         "roc_curve": star | {"contrast": 3e-9},
+        "compare_answers": {"before": _answer(5.0), "after": _answer(8.0)},
+        "reduce_products": {"what": str(folder / "stars.csv"), "out": HELD},
+        "read_level1": {"path": str(folder / "stars.csv")},
         "star_visibility": {"target": "tau Cet", "n_days": 5},
         "load_targets": {"source": "snapshot"},
         "load_known_planets": {"source": "snapshot"},
@@ -134,6 +145,7 @@ def good_calls(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 REFUSED = ("confirm_targets", "make_plan", "confirm_scene", "simulate_products", "compare_strategies")
+REFUSED += ("reduce_products", "read_level1")
 """Of these even the good call is refused, by the last thing that is looked at: else it works for long."""
 NO_CALLS = (
     "ExternalPsf",

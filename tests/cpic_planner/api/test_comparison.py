@@ -105,3 +105,8 @@ def test_two_stars_are_compared_band_by_band():
     assert not found.only_before
     (value,) = (row for row in found.changes if row.quantity == "value")
     assert value.relative == pytest.approx(two.answers[0].value / one.answers[0].value - 1.0)
+
+
+@pytest.mark.parametrize("given", [None, 5, [], b"x"])
+def test_what_is_no_answer_is_refused_in_one_line(eight, given, refused):
+    refused("after = .*an answer as --json prints it", compare_answers, eight, given)

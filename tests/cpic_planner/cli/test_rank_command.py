@@ -192,6 +192,8 @@ def test_examples_of_the_help_are_accepted(capsys, few, tmp_path, monkeypatch):
                 words[words.index(option) + 1] = "near star"
         if "--instruments" in words:
             words[words.index("--instruments") + 1] = "10"
+        if "--planets" in words:
+            words[words.index("--planets") : words.index("--planets") + 2] = []
         assert main([*words, *quick, "--planets", "100"]) == 0, example
     capsys.readouterr()
     assert (tmp_path / "ranking.csv").exists()
